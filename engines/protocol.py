@@ -1,0 +1,187 @@
+"""What every engine is: frozen numerical options, and `simulate`."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Protocol, Self, runtime_checkable
+
+import numpy as np
+from pydantic import Field
+
+from ..models.arrays import FloatArray
+from ..models.errors import EngineNotInstalledError, InputError, SimulationError, TrebucheckError, UnsupportedProblemError
+from ..models.problem import Problem, StopLaw
+from ..models.spec import Positive, Spec
+from ..models.trajectory import PointMotion, Provenance, Trajectory
+
+_MOST_STEPS = 20_000_000
+
+
+@dataclass(frozen=True)
+class Capabilities:
+    """What an engine can observe and do."""
+
+    joint_reactions: bool
+    """Forces of the joints, as vectors in the world frame."""
+    joint_gaps: bool
+    """Joints are constraints that can part, and the engine tells how far."""
+    located_releases: bool
+    """A release is found inside a step, not at its end."""
+    stop_laws: frozenset[StopLaw]
+    """Laws of the stops it can follow."""
+    formulation: str
+    """Coordinates and treatment of constraints, in a few words."""
+
+
+@runtime_checkable
+class Engine(Protocol):
+    """The extension point: whatever has these is compared like the built-in engines."""
+
+    @property
+    def name(self) -> str:
+        """The name it is asked for by."""
+        ...
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What it can observe."""
+        ...
+
+    def simulate(self, problem: Problem) -> Trajectory:
+        """Move the mechanism; raises TrebucheckError if it cannot."""
+        ...
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What an engine's run yields; fields as in :class:`..models.trajectory.Trajectory`."""
+
+    t: FloatArray
+    q: FloatArray
+    u: FloatArray
+    markers: Mapping[str, PointMotion]
+    kinetic_energy: FloatArray
+    potential_energy: FloatArray
+    stop_torques: Mapping[str, FloatArray]
+    release_times: Mapping[str, float | None]
+    joint_reactions: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
+    joint_gaps: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
+    steps: int = 0
+
+
+class BuiltinEngine(Spec, ABC):
+    """An engine of this package: its fields are its numerical options, its defaults are the tuned preset.
+
+    Raises:
+        InputError: an option is unknown or outside its range.
+    """
+
+    name: ClassVar[str]
+    package: ClassVar[str]
+    """Distribution whose version is reported, and module that must be importable."""
+    capabilities: ClassVar[Capabilities]
+    stock_options: ClassVar[Mapping[str, object]]
+    """What the engine's documentation leads to, where it differs from the tuned defaults."""
+
+    preset: str = Field(default="tuned", description="the preset these options were made from")
+    timestep: Positive = Field(default=1e-3, le=1.0, description="step size [s]")
+
+    @classmethod
+    def stock(cls, **options: Any) -> Self:
+        """What the engine's documentation leads a newcomer to."""
+        return cls(**{**cls.stock_options, "preset": "stock", **options})
+
+    @classmethod
+    def tuned(cls, **options: Any) -> Self:
+        """The most accurate settings found at this cost."""
+        return cls(**{"preset": "tuned", **options})
+
+    @classmethod
+    def presets(cls) -> dict[str, Callable[..., Self]]:
+        """Makers of this engine by preset name."""
+        return {"stock": cls.stock, "tuned": cls.tuned}
+
+    @classmethod
+    def is_installed(cls) -> bool:
+        """Whether the engine's package can be found."""
+        return importlib.util.find_spec(cls.package) is not None
+
+    @classmethod
+    def version(cls) -> str:
+        """Version of the engine's package; 'not installed' if there is none."""
+        try:
+            return importlib.metadata.version(cls.package)
+        except importlib.metadata.PackageNotFoundError:
+            return "not installed"
+
+    def simulate(self, problem: Problem) -> Trajectory:
+        """Move the mechanism from its start.
+
+        Raises:
+            EngineNotInstalledError: the engine's package is not here.
+            UnsupportedProblemError: the engine cannot build the mechanism or follow the law of its stops.
+            SimulationError: the engine gave up, crashed or left the finite numbers.
+        """
+        self._refuse_what_cannot_run(problem)
+        started = time.perf_counter()
+        try:
+            # Overflow on the way to a divergence is reported once, by the check of the result.
+            with np.errstate(all="ignore"):
+                recording = self._run(problem)
+        except TrebucheckError:
+            raise
+        except Exception as error:
+            raise SimulationError(f"{self.name} failed: {type(error).__name__}: {error}") from error
+        wall = time.perf_counter() - started
+        self._refuse_divergence(recording)
+        return Trajectory(mechanism=problem.mechanism, provenance=self._provenance(problem, recording, wall), **{
+            key: value for key, value in vars(recording).items() if key != "steps"
+        })
+
+    @abstractmethod
+    def _run(self, problem: Problem) -> Recording:
+        """Build, run and read out."""
+
+    def _refuse_what_cannot_run(self, problem: Problem) -> None:
+        if not self.is_installed():
+            raise EngineNotInstalledError(
+                f"engine {self.name!r} is not installed here; `pip install {self.package}` brings it."
+            )
+        if problem.stop_law not in self.capabilities.stop_laws:
+            laws = ", ".join(sorted(self.capabilities.stop_laws))
+            raise UnsupportedProblemError(
+                f"{self.name} cannot follow the {problem.stop_law.value} law of a stop; it can follow: {laws}."
+            )
+        if self.timestep > problem.duration:
+            raise InputError(
+                f"timestep = {self.timestep!r} s must not be longer than the duration of {problem.duration!r} s."
+            )
+        if problem.duration / self.timestep > _MOST_STEPS:
+            raise InputError(
+                f"timestep = {self.timestep!r} s makes more than {_MOST_STEPS} steps of {problem.duration!r} s; "
+                f"at least {problem.duration / _MOST_STEPS:.3g} s is needed."
+            )
+
+    def _refuse_divergence(self, recording: Recording) -> None:
+        finite = np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.u).all(axis=1)
+        if not finite.all():
+            first = float(recording.t[int(np.argmin(finite))])
+            raise SimulationError(f"{self.name} diverged: its state is not finite at t = {first:.6g} s.")
+
+    def _provenance(self, problem: Problem, recording: Recording, wall: float) -> Provenance:
+        return Provenance(
+            engine=self.name,
+            engine_version=self.version(),
+            preset=self.preset,
+            settings=self.model_dump(mode="json", exclude={"preset"}),
+            mechanism_hash=problem.mechanism.content_hash,
+            duration=problem.duration,
+            stop_law=problem.stop_law.value,
+            steps=recording.steps,
+            wall_time=wall,
+        )

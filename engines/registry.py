@@ -1,0 +1,84 @@
+"""Engines by name: the built-in ones and those of installed plug-ins, none imported before it is asked for."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.metadata
+from collections.abc import Callable, Mapping
+from difflib import get_close_matches
+from typing import Any, Protocol, cast
+
+from ..models.errors import InputError
+from .protocol import Capabilities, Engine
+
+PLUGIN_GROUP = "trebucheck.engines"
+"""Entry-point group in which another package announces an engine class."""
+
+_BUILTIN = {
+    "reference": ("reference_", "ReferenceEngine"),
+    "mujoco": ("mujoco_", "MujocoEngine"),
+    "pymunk": ("pymunk_", "PymunkEngine"),
+    "exudyn": ("exudyn_", "ExudynEngine"),
+}
+
+
+class EngineClass(Protocol):
+    """What a plug-in's entry point leads to."""
+
+    name: str
+    capabilities: Capabilities
+
+    def presets(self) -> Mapping[str, Callable[..., Engine]]:
+        """Makers by preset name; 'stock' and 'tuned' at least."""
+        ...
+
+    def is_installed(self) -> bool:
+        """Whether it can run here."""
+        ...
+
+    def version(self) -> str:
+        """Version of the engine behind it."""
+        ...
+
+
+def engine_names() -> tuple[str, ...]:
+    """Every known engine, installed or not, the built-in ones first."""
+    plugins = sorted(point.name for point in importlib.metadata.entry_points(group=PLUGIN_GROUP))
+    return tuple(_BUILTIN) + tuple(name for name in plugins if name not in _BUILTIN)
+
+
+def engine_class(name: str) -> EngineClass:
+    """The class of an engine.
+
+    Raises:
+        InputError: no engine has that name, or its plug-in cannot be loaded; the sentence lists the names there are.
+    """
+    if name in _BUILTIN:
+        module, cls = _BUILTIN[name]
+        return cast(EngineClass, getattr(importlib.import_module(f".{module}", __package__), cls))
+    for point in importlib.metadata.entry_points(group=PLUGIN_GROUP, name=name):
+        try:
+            return cast(EngineClass, point.load())
+        except Exception as error:
+            raise InputError(f"engine {name!r} comes from a plug-in that cannot be loaded: {error}.") from error
+    known = engine_names()
+    close = get_close_matches(name, known, n=1)
+    hint = f" (did you mean {close[0]!r}?)" if close else ""
+    raise InputError(f"there is no engine {name!r}{hint}; there are: {', '.join(known)}.")
+
+
+def engine(name: str, preset: str = "tuned", **options: Any) -> Engine:
+    """An engine with its numerical options.
+
+    Args:
+        name: one of :func:`engines`.
+        preset: 'tuned' (most accurate at this cost) or 'stock' (what the engine's documentation leads to).
+        options: any field of the engine, over the preset's; `timestep` [s] in every engine.
+
+    Raises:
+        InputError: the name, the preset or an option is unknown or not valid.
+    """
+    makers = engine_class(name).presets()
+    if preset not in makers:
+        raise InputError(f"{name} has no preset {preset!r}; there are: {', '.join(makers)}.")
+    return makers[preset](**options)

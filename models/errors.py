@@ -1,0 +1,23 @@
+"""What can go wrong, as the user is told it."""
+
+from __future__ import annotations
+
+
+class TrebucheckError(Exception):
+    """Base of every error this package raises on purpose; its text is one sentence for the user."""
+
+
+class InputError(TrebucheckError, ValueError):
+    """A value, option, name or file is not usable: the sentence names it and says what would be valid."""
+
+
+class EngineNotInstalledError(TrebucheckError, ImportError):
+    """An engine is known but its package cannot be imported here."""
+
+
+class UnsupportedProblemError(TrebucheckError, ValueError):
+    """An engine cannot build the mechanism, or cannot follow the law of its stops."""
+
+
+class SimulationError(TrebucheckError, RuntimeError):
+    """An engine gave up, crashed or diverged while it ran."""

@@ -1,0 +1,206 @@
+"""A planar mechanism, described once and without any engine.
+
+World: x to the right, y up. A body's frame coincides with the world's at angle zero; angles are absolute,
+from +x, positive **clockwise** (the paper's convention), so a body point (a, b) stands at
+(a cos q + b sin q, -a sin q + b cos q) from the frame's origin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from .spec import Name, NonNegative, Positive, Real, Spec, Vector
+
+GROUND = "ground"
+_CLOSED_GAP = 1e-12  # [rad] a start gap below this is rounding of the two angles, not an opening
+
+
+class Body(Spec):
+    """A rigid body; its coordinate is its absolute angle."""
+
+    name: Name
+    angle: Name = Field(description="name of its angle coordinate")
+    mass: Positive = Field(description="[kg]")
+    centre: Vector = Field(description="centre of mass in the body's frame [m]")
+    inertia: NonNegative = Field(description="about the centre of mass [kg m^2]; 0 for a point mass")
+
+
+class PinJoint(Spec):
+    """Two points of two bodies coincide."""
+
+    kind: Literal["pin"] = "pin"
+    name: Name
+    parent: Name = Field(description="a body, or 'ground'")
+    child: Name
+    parent_point: Vector = Field(description="in the parent's frame [m]")
+    child_point: Vector = Field(description="in the child's frame [m]")
+
+
+class SlotJoint(Spec):
+    """A point of a body slides along a straight slot in the ground (pin in slot)."""
+
+    kind: Literal["pin-in-slot"] = "pin-in-slot"
+    name: Name
+    parent: Literal["ground"] = GROUND
+    child: Name
+    parent_point: Vector = Field(description="a point of the slot, where its coordinate is zero [m]")
+    child_point: Vector = Field(description="in the child's frame [m]")
+    axis: Vector = Field(description="direction of the slot, length 1")
+    coordinate: Name | None = Field(default=None, description="name of its slide coordinate; none where it closes a loop")
+
+    @model_validator(mode="after")
+    def _axis_has_length_one(self) -> Self:
+        if abs(self.axis[0] ** 2 + self.axis[1] ** 2 - 1.0) > 1e-12:
+            raise ValueError(f"axis of {self.name!r} must have length 1")
+        return self
+
+
+Joint = Annotated[PinJoint | SlotJoint, Field(discriminator="kind")]
+
+
+class Stop(Spec):
+    """A unilateral constraint on a relative angle: gap = sense * (angle - angle of the other) - limit >= 0.
+
+    Its torque is the generalised force conjugate to the gap: >= 0 while it pushes, 0 when open.
+    """
+
+    name: Name
+    body: Name
+    relative_to: Name = GROUND
+    sense: Literal[1, -1]
+    limit: Real = Field(description="[rad]")
+    closed: bool = Field(description="whether it touches at the start")
+
+
+class Marker(Spec):
+    """A named point of a body."""
+
+    name: Name
+    body: Name
+    point: Vector = Field(description="in the body's frame [m]")
+
+
+class Mechanism(Spec):
+    """Bodies, joints, stops, markers, gravity and the start.
+
+    Bodies stand in an order in which each one's first joint as a child leads to the ground or to an earlier
+    body: those joints make the tree, any further joint closes a loop. Coordinates q are the bodies' angles
+    [rad] in that order, then the slides of slots [m] in the order of the joints.
+
+    Raises:
+        InputError: names clash or point nowhere, the tree is broken, or a stop's `closed` belies its gap.
+    """
+
+    name: Name
+    bodies: tuple[Body, ...] = Field(min_length=1)
+    joints: tuple[Joint, ...] = Field(min_length=1)
+    stops: tuple[Stop, ...] = ()
+    markers: tuple[Marker, ...] = ()
+    gravity: NonNegative = Field(description="downwards [m/s^2]")
+    start: tuple[Real, ...] = Field(description="q at t = 0 [rad or m]")
+    start_speeds: tuple[Real, ...] = Field(default=(), description="u at t = 0 [rad/s or m/s]; empty: at rest")
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of q, in order."""
+        angles = tuple(body.angle for body in self.bodies)
+        return angles + tuple(joint.coordinate for joint in self.slides if joint.coordinate is not None)
+
+    @property
+    def slides(self) -> tuple[SlotJoint, ...]:
+        """Slots of the tree, each with a coordinate."""
+        return tuple(joint for joint in self.tree_joints if isinstance(joint, SlotJoint))
+
+    @property
+    def tree_joints(self) -> tuple[PinJoint | SlotJoint, ...]:
+        """The joint each body hangs on, in the order of the bodies."""
+        first = {joint.child: joint for joint in reversed(self.joints)}
+        return tuple(first[body.name] for body in self.bodies)
+
+    @property
+    def loop_joints(self) -> tuple[PinJoint | SlotJoint, ...]:
+        """Joints that close a loop."""
+        tree = {joint.name for joint in self.tree_joints}
+        return tuple(joint for joint in self.joints if joint.name not in tree)
+
+    def body(self, name: str) -> Body:
+        """The body of that name."""
+        return next(body for body in self.bodies if body.name == name)
+
+    def stop(self, name: str) -> Stop:
+        """The stop of that name."""
+        return next(stop for stop in self.stops if stop.name == name)
+
+    def children(self, name: str) -> tuple[Body, ...]:
+        """Bodies that hang on this one (or on the ground) in the tree."""
+        return tuple(self.body(joint.child) for joint in self.tree_joints if joint.parent == name)
+
+    def subtree(self, name: str) -> Iterator[Body]:
+        """A body and all that hangs on it."""
+        yield self.body(name)
+        for child in self.children(name):
+            yield from self.subtree(child.name)
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        _refuse_repeats("body", (body.name for body in self.bodies))
+        _refuse_repeats("joint", (joint.name for joint in self.joints))
+        _refuse_repeats("stop", (stop.name for stop in self.stops))
+        _refuse_repeats("marker", (marker.name for marker in self.markers))
+        self._refuse_unknown_bodies()
+        self._refuse_a_broken_tree()
+        _refuse_repeats("coordinate", self.coordinates)
+        self._refuse_a_start_of_the_wrong_length()
+        self._refuse_wrong_gaps()
+        return self
+
+    def _refuse_unknown_bodies(self) -> None:
+        known = {GROUND} | {body.name for body in self.bodies}
+        used = [(f"joint {j.name!r}", n) for j in self.joints for n in (j.parent, j.child)]
+        used += [(f"stop {s.name!r}", n) for s in self.stops for n in (s.body, s.relative_to)]
+        used += [(f"marker {m.name!r}", m.body) for m in self.markers]
+        for user, name in used:
+            if name not in known:
+                raise ValueError(f"{user} names the body {name!r}; there are {sorted(known)}")
+
+    def _refuse_a_broken_tree(self) -> None:
+        placed = {GROUND}
+        for body in self.bodies:
+            joint = next((joint for joint in self.joints if joint.child == body.name), None)
+            if joint is None:
+                raise ValueError(f"body {body.name!r} hangs on no joint")
+            if joint.parent not in placed:
+                raise ValueError(f"body {body.name!r} hangs on {joint.parent!r}, which must be listed before it")
+            if isinstance(joint, SlotJoint) and joint.coordinate is None:
+                raise ValueError(f"slot {joint.name!r} carries a body and so needs a coordinate")
+            placed.add(body.name)
+        for joint in self.loop_joints:
+            if isinstance(joint, SlotJoint) and joint.coordinate is not None:
+                raise ValueError(f"slot {joint.name!r} closes a loop and so has no coordinate of its own")
+
+    def _refuse_a_start_of_the_wrong_length(self) -> None:
+        expected = len(self.coordinates)
+        if len(self.start) != expected:
+            raise ValueError(f"start has {len(self.start)} values for {expected} coordinates {self.coordinates}")
+        if self.start_speeds and len(self.start_speeds) != expected:
+            raise ValueError(f"start_speeds has {len(self.start_speeds)} values for {expected} coordinates")
+
+    def _refuse_wrong_gaps(self) -> None:
+        angle = {body.name: self.start[i] for i, body in enumerate(self.bodies)} | {GROUND: 0.0}
+        for stop in self.stops:
+            gap = stop.sense * (angle[stop.body] - angle[stop.relative_to]) - stop.limit
+            if stop.closed and abs(gap) > _CLOSED_GAP:
+                raise ValueError(f"stop {stop.name!r} is closed, but its gap at the start is {gap:.3g} rad, not 0")
+            if not stop.closed and gap <= _CLOSED_GAP:
+                raise ValueError(f"stop {stop.name!r} is open, but its gap at the start is {gap:.3g} rad, not positive")
+
+
+def _refuse_repeats(what: str, names: Iterable[str]) -> None:
+    seen: set[str] = set()
+    for name in names:
+        if name in seen or name == GROUND:
+            raise ValueError(f"{what} name {name!r} is used twice or reserved")
+        seen.add(name)

@@ -1,0 +1,108 @@
+"""The base of all descriptions: frozen, validated at birth, exact in JSON, with a content hash."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from .errors import InputError
+
+
+def _refuse_truth_values(value: object) -> object:
+    if isinstance(value, bool):
+        raise ValueError("must be a number, not true or false")
+    return value
+
+
+Real = Annotated[float, BeforeValidator(_refuse_truth_values)]
+"""A finite float64; integers are taken, truth values, NaN and infinities are not."""
+
+Positive = Annotated[Real, Field(gt=0)]
+NonNegative = Annotated[Real, Field(ge=0)]
+Vector = tuple[Real, Real]
+"""Two components (x, y)."""
+
+Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z][A-Za-z0-9_ \-]*$")]
+"""A name that is also legal in MJCF, NetCDF and file names: a letter, then letters, digits, space, _ or -."""
+
+
+def sentence_of(error: ValidationError, subject: str) -> str:
+    """Turn pydantic's list into one sentence that names each field, its value and what would be valid."""
+    parts: list[str] = []
+    for row in error.errors(include_url=False):
+        field = ".".join(str(step) for step in row["loc"])
+        given = row["input"]
+        reason = row["msg"].removeprefix("Value error, ")
+        reason = reason[:1].lower() + reason[1:]
+        if not field:
+            parts.append(reason)
+        elif row["type"] == "missing":
+            parts.append(f"{field} is missing")
+        elif row["type"] == "extra_forbidden":
+            parts.append(f"{field} is not a field it has")
+        else:
+            parts.append(f"{field} = {_shortened(given)}: {reason}")
+    return f"{subject} cannot be built: " + "; ".join(parts) + "."
+
+
+def _shortened(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+class Spec(BaseModel):
+    """A frozen value object whose JSON round trip keeps every float to the last bit.
+
+    Raises:
+        InputError: a field is missing, unknown, not finite or outside its range.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, ser_json_inf_nan="constants")
+
+    def __init__(self, **fields: Any) -> None:
+        try:
+            super().__init__(**fields)
+        except ValidationError as error:
+            raise InputError(sentence_of(error, type(self).__name__)) from None
+
+    def to_json(self) -> str:
+        """JSON text; floats are written as the shortest decimal that reads back to the same bits."""
+        return self.model_dump_json(indent=2)
+
+    @classmethod
+    def from_json(cls, text: str | bytes) -> Self:
+        """Build from JSON text.
+
+        Raises:
+            InputError: the text is not JSON, or does not describe a valid object.
+        """
+        try:
+            return cls.model_validate_json(text)
+        except ValidationError as error:
+            raise InputError(sentence_of(error, cls.__name__)) from None
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a JSON file.
+
+        Raises:
+            InputError: the file cannot be read or is not a valid description; the sentence names it.
+        """
+        try:
+            text = Path(path).read_bytes()
+        except OSError as error:
+            raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None
+        try:
+            return cls.from_json(text)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+
+    @property
+    def content_hash(self) -> str:
+        """SHA-256 of the canonical JSON: equal for equal content, whatever the order it was given in."""
+        canonical = json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(canonical.encode()).hexdigest()

@@ -1,0 +1,146 @@
+"""What every engine returns: the motion at its own times, and what it cost."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TypeVar
+
+from .arrays import FloatArray
+from .errors import InputError
+from .kinematics import Kinematics
+from .launch import Launch, locate_launch
+from .mechanism import Mechanism
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class PointMotion:
+    """A point's motion in the world."""
+
+    position: FloatArray
+    """[m], shape (n, 2)."""
+    velocity: FloatArray
+    """[m/s], shape (n, 2)."""
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a trajectory comes from and what it cost."""
+
+    engine: str
+    engine_version: str
+    preset: str
+    settings: Mapping[str, object]
+    mechanism_hash: str
+    duration: float
+    stop_law: str
+    steps: int
+    wall_time: float
+    """Of the whole `simulate`: build, run and read-out [s]."""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """States, forces and energies at an engine's own sample times.
+
+    What an engine cannot observe is absent from the mappings (and asking for it says so); it is never zeros.
+    Points, torques, reactions and energies come from the engine's own quantities, not from q by our formulas,
+    wherever the engine has them.
+    """
+
+    mechanism: Mechanism
+    t: FloatArray
+    """[s], shape (n,), increasing from 0."""
+    q: FloatArray
+    """Generalized coordinates, shape (n, n_q), in the order of `mechanism.coordinates` [rad or m]."""
+    u: FloatArray
+    """Generalized speeds dq/dt, shape (n, n_q)."""
+    markers: Mapping[str, PointMotion]
+    kinetic_energy: FloatArray
+    """[J], shape (n,)."""
+    potential_energy: FloatArray
+    """[J], shape (n,), zero at the fulcrum's height at the start."""
+    stop_torques: Mapping[str, FloatArray]
+    """[N m], each of shape (n,), >= 0 while the stop pushes."""
+    release_times: Mapping[str, float | None]
+    """[s]; None for a stop that did not open (or was never closed)."""
+    joint_reactions: Mapping[str, FloatArray]
+    """Force on the child, world frame [N], each of shape (n, 2)."""
+    provenance: Provenance
+    joint_gaps: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
+    """How far the two points of a joint stand apart [m], shape (n,); only where the engine lets them."""
+
+    def marker(self, name: str) -> PointMotion:
+        """Motion of a marker.
+
+        Raises:
+            InputError: there is no such marker.
+        """
+        return _named("marker", name, self.markers)
+
+    def stop_torque(self, name: str) -> FloatArray:
+        """Torque of a stop [N m], shape (n,).
+
+        Raises:
+            InputError: there is no such stop, or the engine cannot observe it.
+        """
+        return _named("stop torque", name, self.stop_torques)
+
+    def release_time(self, name: str) -> float | None:
+        """When a stop opened [s]; None if it did not.
+
+        Raises:
+            InputError: there is no such stop.
+        """
+        return _named("release time", name, self.release_times)
+
+    def joint_reaction(self, name: str) -> FloatArray:
+        """Force on the joint's child, world frame [N], shape (n, 2).
+
+        Raises:
+            InputError: there is no such joint, or the engine cannot observe it.
+        """
+        return _named("joint reaction", name, self.joint_reactions)
+
+    def stop_gap(self, name: str) -> FloatArray:
+        """Gap of a stop [rad], shape (n,), from q; negative where it is penetrated."""
+        return self.kinematics.gap(name, self.q)
+
+    @cached_property
+    def kinematics(self) -> Kinematics:
+        """Point kinematics of the mechanism."""
+        return Kinematics(self.mechanism)
+
+    @property
+    def total_energy(self) -> FloatArray:
+        """[J], shape (n,)."""
+        return self.kinetic_energy + self.potential_energy
+
+    @property
+    def momentum(self) -> FloatArray:
+        """Linear momentum of all bodies [kg m/s], shape (n, 2), from q and u."""
+        return self.kinematics.momentum(self.q, self.u)
+
+    def launch(self, angle: float | None = None, marker: str = "projectile") -> Launch | None:
+        """When the marker's velocity first comes down to the launch angle; None if it does not.
+
+        Args:
+            angle: above the horizontal [rad]; 45 degrees if left out.
+            marker: which point is thrown.
+        """
+        return locate_launch(self.t, self.marker(marker).velocity, angle, after=self._rest_opened(marker))
+
+    def _rest_opened(self, marker: str) -> float:
+        """When the last stop of the marker's own body opened [s]; 0 where none did."""
+        body = next(m.body for m in self.mechanism.markers if m.name == marker)
+        times = [self.release_times.get(stop.name) for stop in self.mechanism.stops if stop.body == body]
+        return max((time for time in times if time is not None), default=0.0)
+
+
+def _named(what: str, name: str, among: Mapping[str, _T]) -> _T:
+    if name not in among:
+        raise InputError(f"there is no {what} {name!r} here; there is {sorted(among) or 'none'}.")
+    return among[name]

@@ -1,0 +1,177 @@
+"""A continuous reference motion, from which states, forces and energies are read at any times."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy
+from scipy.integrate import OdeSolution
+
+from ..models.arrays import FloatArray
+from ..models.errors import InputError
+from ..models.launch import LAUNCH_ANGLE, Launch, launch_interval, launch_on
+from ..models.mechanism import SlotJoint
+from ..models.problem import Problem
+from ..models.trajectory import PointMotion, Provenance, Trajectory
+from .equations import Equations
+
+_LAUNCH_SCAN = 2e-3  # [s] the velocity's direction is scanned at this interval for the launch
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A stretch of motion under one active set of stops."""
+
+    closed: tuple[str, ...]
+    start: float
+    end: float
+    interpolant: OdeSolution
+
+
+@dataclass(frozen=True)
+class Motion:
+    """States, accelerations and multipliers at given times."""
+
+    q: FloatArray
+    u: FloatArray
+    a: FloatArray
+    loop_multipliers: FloatArray
+    stop_torques: Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The reference motion of a problem, continuous in time."""
+
+    problem: Problem
+    equations: Equations
+    segments: tuple[Segment, ...]
+    release_times: Mapping[str, float | None]
+    impacts: tuple[tuple[float, dict[str, float]], ...]
+    """Time [s] and impulses [N m s] of every impact."""
+    evaluations: int
+    settings: Mapping[str, float]
+    wall_time: float
+
+    def motion(self, t: FloatArray) -> Motion:
+        """Everything at times t [s], shape (n,); at an event, the segment that ends there.
+
+        Raises:
+            InputError: a time lies outside the solution.
+        """
+        end = self.segments[-1].end
+        if len(t) and (t.min() < 0 or t.max() > end):
+            raise InputError(f"the reference covers 0 to {end:.6g} s; {t.min():.6g} to {t.max():.6g} s was asked for.")
+        n_q, n_l = len(self.problem.mechanism.coordinates), self.equations.n_loops
+        q, u, a = (np.empty((len(t), n_q)) for _ in range(3))
+        loops = np.empty((len(t), n_l))
+        torques = {stop.name: np.zeros(len(t)) for stop in self.problem.mechanism.stops}
+        of = np.searchsorted([segment.end for segment in self.segments[:-1]], t, side="left")
+        for k, segment in enumerate(self.segments):
+            here = np.flatnonzero(of == k)
+            if not len(here):
+                continue
+            y = np.asarray(segment.interpolant(t[here])).T
+            q[here], u[here] = y[:, :n_q], y[:, n_q:]
+            a[here], multipliers = self.equations.solve(q[here], u[here], segment.closed)
+            loops[here] = multipliers[:, :n_l]
+            for name, torque in zip(segment.closed, multipliers[:, n_l:].T, strict=True):
+                torques[name][here] = torque
+        return Motion(q, u, a, loops, torques)
+
+    def joint_reactions(self, motion: Motion) -> dict[str, FloatArray]:
+        """Force on each joint's child, world frame [N], shape (n, 2), by Newton's law for what hangs on it."""
+        mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
+        weight = np.array([0.0, mechanism.gravity])
+        needed: dict[str, FloatArray] = {}
+        for body in mechanism.bodies:
+            centre = kinematics.point(body.name, body.centre)
+            needed[body.name] = body.mass * (kinematics.acceleration(centre, motion.q, motion.u, motion.a) + weight)
+        loops = self._loop_forces(motion)
+        for joint in mechanism.loop_joints:
+            needed[joint.child] = needed[joint.child] - loops[joint.name]
+            if joint.parent in needed:
+                needed[joint.parent] = needed[joint.parent] + loops[joint.name]
+        tree = {
+            joint.name: np.sum([needed[body.name] for body in mechanism.subtree(joint.child)], axis=0)
+            for joint in mechanism.tree_joints
+        }
+        return tree | loops
+
+    def _loop_forces(self, motion: Motion) -> dict[str, FloatArray]:
+        """Force of each loop joint on its child [N], from its multipliers."""
+        forces: dict[str, FloatArray] = {}
+        column = 0
+        for joint in self.problem.mechanism.loop_joints:
+            if isinstance(joint, SlotJoint):
+                normal = np.array([-joint.axis[1], joint.axis[0]])
+                forces[joint.name] = motion.loop_multipliers[:, column, None] * normal
+                column += 1
+            else:
+                forces[joint.name] = motion.loop_multipliers[:, column : column + 2]
+                column += 2
+        return forces
+
+    @cached_property
+    def launch(self) -> Launch | None:
+        """Velocity of the projectile at 45 degrees, after its own rest has opened; None if it never is."""
+        return self.launch_at(LAUNCH_ANGLE)
+
+    def launch_at(self, angle: float, marker: str = "projectile") -> Launch | None:
+        """First time the marker's velocity comes down to `angle` [rad] after its body's stops have opened."""
+        found = next((m for m in self.problem.mechanism.markers if m.name == marker), None)
+        if found is None:
+            return None
+        row = self.equations.kinematics.point(found.body, found.point)
+
+        def velocity(t: FloatArray) -> FloatArray:
+            motion = self.motion(t)
+            return self.equations.kinematics.velocity(row, motion.q, motion.u)
+
+        opened = [self.release_times[stop.name] for stop in self.problem.mechanism.stops if stop.body == found.body]
+        after = max((time for time in opened if time is not None), default=0.0)
+        end = self.segments[-1].end
+        scan = np.linspace(after, end, max(2, int((end - after) / _LAUNCH_SCAN) + 2))
+        i = launch_interval(velocity(scan), angle)
+        if i is None:
+            return None
+        return launch_on(lambda t: velocity(np.array([t]))[0], float(scan[i]), float(scan[i + 1]), angle)
+
+    def trajectory(self, t: FloatArray, provenance: Provenance | None = None) -> Trajectory:
+        """The motion at the given times [s], shape (n,), with all that a trajectory holds."""
+        mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
+        motion = self.motion(t)
+        markers: dict[str, PointMotion] = {}
+        for marker in mechanism.markers:
+            row = kinematics.point(marker.body, marker.point)
+            position, velocity = kinematics.position(row, motion.q), kinematics.velocity(row, motion.q, motion.u)
+            markers[marker.name] = PointMotion(position, velocity)
+        return Trajectory(
+            mechanism=mechanism,
+            t=t,
+            q=motion.q,
+            u=motion.u,
+            markers=markers,
+            kinetic_energy=kinematics.kinetic_energy(motion.q, motion.u),
+            potential_energy=kinematics.potential_energy(motion.q),
+            stop_torques=motion.stop_torques,
+            release_times=self.release_times,
+            joint_reactions=self.joint_reactions(motion),
+            provenance=provenance or self._provenance(),
+        )
+
+    def _provenance(self) -> Provenance:
+        return Provenance(
+            engine="reference",
+            engine_version=scipy.__version__,
+            preset="tuned",
+            settings=dict(self.settings),
+            mechanism_hash=self.problem.mechanism.content_hash,
+            duration=self.problem.duration,
+            stop_law=self.problem.stop_law.value,
+            steps=self.evaluations,
+            wall_time=self.wall_time,
+        )

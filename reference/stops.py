@@ -1,0 +1,68 @@
+"""The active set of the stops: who holds at the start, who lets go, what an impact does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..models.arrays import FloatArray
+from .complementarity import solve_lcp
+from .equations import Equations
+
+
+def pushing(equations: Equations, q: FloatArray, u: FloatArray, touching: Sequence[str]) -> tuple[str, ...]:
+    """Which of the touching stops push (torque >= 0), the others being about to open.
+
+    A stop whose torque would be negative cannot push and is left out, all stops decided at once.
+
+    Args:
+        q, u: one state, shape (n_q,).
+        touching: stops whose gap and gap speed are zero.
+    """
+    torques = equations.solve(q, u, touching)[1][equations.n_loops :]
+    if np.all(torques >= 0):
+        return tuple(touching)
+    matrix, free = _delassus(equations, q, u, touching)
+    torques = solve_lcp(matrix, free)
+    return tuple(name for name, torque in zip(touching, torques, strict=True) if torque > 0)
+
+
+def impact(
+    equations: Equations, q: FloatArray, u: FloatArray, touching: Sequence[str], restitution: float = 0.0
+) -> tuple[FloatArray, dict[str, float]]:
+    """Speeds after an impact of the touching stops, and their impulses.
+
+    Newton's law in the metric of the mass matrix (Moreau): u+ = u- + M^{-1} G^T P with P >= 0,
+    gap speeds (1 + e) v >= 0 complementary to P.
+
+    Returns:
+        u+, shape (n_q,), and the impulse of each stop [N m s].
+    """
+    matrix, _ = _delassus(equations, q, u, touching)
+    rows = _gap_rows(equations, q, touching)
+    impulses = solve_lcp(matrix, (1.0 + restitution) * (rows @ u))
+    jump = _held_response(equations, q, rows.T @ impulses)
+    return u + jump, dict(zip(touching, impulses.tolist(), strict=True))
+
+
+def _gap_rows(equations: Equations, q: FloatArray, touching: Sequence[str]) -> FloatArray:
+    return equations.constraint_jacobian(q, touching)[equations.n_loops :]
+
+
+def _delassus(
+    equations: Equations, q: FloatArray, u: FloatArray, touching: Sequence[str]
+) -> tuple[FloatArray, FloatArray]:
+    """G M^{-1} G^T and the gap accelerations without the stops, loop joints held in both."""
+    rows = _gap_rows(equations, q, touching)
+    free = equations.solve(q, u, ())[0]
+    response = np.array([_held_response(equations, q, row) for row in rows])
+    return rows @ response.T, rows @ free
+
+
+def _held_response(equations: Equations, q: FloatArray, force: FloatArray) -> FloatArray:
+    """Accelerations (or speed jumps) that a generalized force (or impulse) alone causes, loops held."""
+    mass, loops = equations.mass_matrix(q), equations.constraint_jacobian(q, ())
+    n_q, n_l = len(q), len(loops)
+    kkt = np.block([[mass, -loops.T], [loops, np.zeros((n_l, n_l))]])
+    return np.linalg.solve(kkt, np.concatenate([force, np.zeros(n_l)]))[:n_q]
