@@ -1,0 +1,95 @@
+"""How far can you trust a multibody engine, and why does it differ?
+
+A trebuchet, described once, is solved by a Lagrangian reference and built again in MuJoCo, pymunk and Exudyn;
+`compare` says how well they agree. No engine is imported before it is asked for.
+
+    >>> import trebucheck as tb
+    >>> machine = tb.rolling(tb.TrebuchetParameters(l1=9.5))
+    >>> motion = tb.engine("reference").simulate(tb.Problem(machine, duration=2.6))
+    >>> round(motion.launch().speed, 3)  # [m/s]
+    117.038
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from .comparisons.campaign import compare
+    from .engines.protocol import Capabilities, Engine
+    from .engines.registry import engine, engines
+    from .models.errors import (
+        EngineNotInstalledError,
+        InputError,
+        SimulationError,
+        TrebucheckError,
+        UnsupportedProblemError,
+    )
+    from .models.launch import Launch
+    from .models.mechanism import Body, Marker, Mechanism, PinJoint, SlotJoint, Stop
+    from .models.parameters import TrebuchetParameters
+    from .models.problem import Problem, StopLaw
+    from .models.trajectory import Trajectory
+    from .models.trebuchet import fixed, rolling
+
+__all__ = [
+    "Body",
+    "Capabilities",
+    "Engine",
+    "EngineNotInstalledError",
+    "InputError",
+    "Launch",
+    "Marker",
+    "Mechanism",
+    "PinJoint",
+    "Problem",
+    "SimulationError",
+    "SlotJoint",
+    "Stop",
+    "StopLaw",
+    "TrebucheckError",
+    "TrebuchetParameters",
+    "Trajectory",
+    "UnsupportedProblemError",
+    "__version__",
+    "compare",
+    "engine",
+    "engines",
+    "fixed",
+    "rolling",
+]
+
+_ERRORS = ("EngineNotInstalledError", "InputError", "SimulationError", "TrebucheckError", "UnsupportedProblemError")
+# Loaded when first asked for (PEP 562): `import trebucheck` stays quick and free of engines.
+_HOMES = {
+    "compare": "comparisons.campaign",
+    "Capabilities": "engines.protocol",
+    "Engine": "engines.protocol",
+    "engine": "engines.registry",
+    "Launch": "models.launch",
+    "TrebuchetParameters": "models.parameters",
+    "Problem": "models.problem",
+    "StopLaw": "models.problem",
+    "Trajectory": "models.trajectory",
+    "fixed": "models.trebuchet",
+    "rolling": "models.trebuchet",
+    **dict.fromkeys(_ERRORS, "models.errors"),
+    **dict.fromkeys(("Body", "Marker", "Mechanism", "PinJoint", "SlotJoint", "Stop"), "models.mechanism"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name == "engines":  # a subpackage that can be called: see its docstring
+        return importlib.import_module(".engines", __name__)
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

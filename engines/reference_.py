@@ -14,7 +14,7 @@ from ..models.problem import Problem, StopLaw
 from ..models.spec import Real
 from ..models.trajectory import Trajectory
 from ..reference.solution import Solution
-from ..reference.solver import solve
+from ..reference.solver import TOLERANCE, solve
 from .protocol import BuiltinEngine, Capabilities, Recording
 
 _Tolerance = Annotated[Real, Field(ge=2.5e-14, le=1e-2)]
@@ -35,8 +35,8 @@ class ReferenceEngine(BuiltinEngine):
     # A newcomer to SciPy asks for DOP853 with tolerances that sound tight.
     stock_options: ClassVar[Mapping[str, object]] = {"rtol": 1e-9, "atol": 1e-9}
 
-    rtol: _Tolerance = Field(default=1e-13, description="relative local error of the integrator")
-    atol: _Tolerance = Field(default=1e-13, description="absolute local error [rad, m, rad/s, m/s]")
+    rtol: _Tolerance = Field(default=TOLERANCE, description="relative local error of the integrator")
+    atol: _Tolerance = Field(default=TOLERANCE, description="absolute local error [rad, m, rad/s, m/s]")
 
     def solve(self, problem: Problem) -> Solution:
         """The continuous solution behind :meth:`simulate`."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.metadata
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, Protocol, cast
 
@@ -65,6 +66,27 @@ def engine_class(name: str) -> EngineClass:
     close = get_close_matches(name, known, n=1)
     hint = f" (did you mean {close[0]!r}?)" if close else ""
     raise InputError(f"there is no engine {name!r}{hint}; there are: {', '.join(known)}.")
+
+
+@dataclass(frozen=True)
+class EngineStatus:
+    """What is known of an engine here."""
+
+    name: str
+    installed: bool
+    version: str
+    presets: tuple[str, ...]
+    capabilities: Capabilities
+
+
+def engines() -> dict[str, EngineStatus]:
+    """Every known engine by name, installed or not, without importing any engine's library."""
+    return {name: _status(name) for name in engine_names()}
+
+
+def _status(name: str) -> EngineStatus:
+    cls = engine_class(name)
+    return EngineStatus(name, cls.is_installed(), cls.version(), tuple(cls.presets()), cls.capabilities)
 
 
 def engine(name: str, preset: str = "tuned", **options: Any) -> Engine:

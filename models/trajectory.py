@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from .arrays import FloatArray
 from .errors import InputError
 from .kinematics import Kinematics
 from .launch import Launch, locate_launch
 from .mechanism import Mechanism
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _T = TypeVar("_T")
 
@@ -123,6 +126,12 @@ class Trajectory:
     def momentum(self) -> FloatArray:
         """Linear momentum of all bodies [kg m/s], shape (n, 2), from q and u."""
         return self.kinematics.momentum(self.q, self.u)
+
+    def to_dataset(self) -> xr.Dataset:
+        """All of it as a labelled dataset with units; see :mod:`.dataset` for files."""
+        from .dataset import to_dataset  # noqa: PLC0415  (xarray takes a third of a second to import)
+
+        return to_dataset(self)
 
     def launch(self, angle: float | None = None, marker: str = "projectile") -> Launch | None:
         """When the marker's velocity first comes down to the launch angle; None if it does not.
