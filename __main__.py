@@ -1,2 +1,10 @@
-def main() -> None:
-    pass
+"""`python -m trebucheck` and the `trebucheck` command."""
+
+from __future__ import annotations
+
+from .comparisons.cli.app import main
+
+__all__ = ["main"]
+
+if __name__ == "__main__":
+    raise SystemExit(main())

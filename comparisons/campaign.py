@@ -1,0 +1,252 @@
+"""Machines x engines x presets: run each, measure each, lose none."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from pydantic import JsonValue
+
+from ..engines.protocol import Engine
+from ..engines.registry import engine, engine_class, engine_names
+from ..models.errors import EngineNotInstalledError, InputError, TrebucheckError, UnsupportedProblemError
+from ..models.mechanism import Mechanism
+from ..models.parameters import TrebuchetParameters
+from ..models.problem import Problem, StopLaw
+from ..models.registry import model
+from ..models.trajectory import Trajectory
+from ..reference.solution import Solution
+from ..reference.solver import solve
+from .metrics import measure
+from .pairs import against_each_other
+from .results import Machine, Metric, Outcome, Pair, Results, Run
+from .store import Store
+from .tolerances import judge
+
+PRESETS = ("tuned", "stock")
+_SEARCH = 8.0  # [s] the reference looks for the launch up to here, unless a duration is given
+_TAIL_STEPS, _TAIL = 20, 0.02  # an engine runs on past the reference's launch, so that its own can be found
+_REFERENCE_TAIL = 1.0  # [s] and the reference further still
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Results, and the motions behind them."""
+
+    results: Results
+    solutions: dict[str, Solution]
+    """Reference motion by model."""
+    trajectories: dict[tuple[str, str], Trajectory]
+    """By model and run label ('mujoco tuned')."""
+
+    @property
+    def passed(self) -> bool:
+        """No tolerance broken, no run failed."""
+        return self.results.passed
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run to be made."""
+
+    model: str
+    engine: str
+    preset: str
+
+    @property
+    def label(self) -> str:
+        """As the report names it."""
+        return f"{self.engine} {self.preset}"
+
+
+@dataclass(frozen=True)
+class _Setup:
+    """A machine with its reference."""
+
+    machine: Machine
+    solution: Solution
+    stop_law: StopLaw
+    peaks: dict[str, float]
+
+
+def compare(
+    models: Iterable[str | Mechanism] = ("fixed", "rolling"),
+    engines: Iterable[str] | None = None,
+    presets: Iterable[str] = PRESETS,
+    *,
+    parameters: TrebuchetParameters | None = None,
+    timestep: float | None = None,
+    duration: float | None = None,
+    stop_law: StopLaw | str = StopLaw.RELEASE_ONCE,
+    store: Store | None = None,
+    progress: Callable[[Case, int, int], None] | None = None,
+    **options: Any,
+) -> Comparison:
+    """Run engines on machines and measure them against the reference, up to the launch.
+
+    Args:
+        models: names of machines (:func:`..models.registry.models`) or mechanisms of your own.
+        engines: names; all known ones if left out. Those not installed become rows that say so.
+        presets: 'tuned', 'stock', or both.
+        parameters: of the named machines; Table I if left out.
+        timestep: of every engine [s]; each preset's own if left out.
+        duration: end of the compared motion [s]; the reference's launch if left out.
+        stop_law: 'release-once' or 'unilateral'.
+        store: where trajectories are kept and, if asked, taken from again.
+        progress: called before each case with the number done and the number of all.
+        options: further options for every engine that has them.
+
+    Raises:
+        InputError: a name or a value is not valid. A run that fails raises nothing: it becomes a failed row.
+    """
+    law = _law(stop_law)
+    mechanisms = _mechanisms(models, parameters)
+    names = _unique(engines if engines is not None else engine_names())
+    cases = [Case(mechanism.name, name, preset) for mechanism in mechanisms for name in names for preset in presets]
+    makers = {(case.engine, case.preset): _checked_engine(case, timestep, options) for case in cases}
+    setups = {mechanism.name: _setup(mechanism, duration, law) for mechanism in mechanisms}
+    trajectories: dict[tuple[str, str], Trajectory] = {}
+    runs: list[Run] = []
+    for done, case in enumerate(cases):
+        if progress:
+            progress(case, done, len(cases))
+        run, trajectory = _run(case, makers[case.engine, case.preset], setups[case.model], store)
+        runs.append(run)
+        if trajectory is not None:
+            trajectories[case.model, case.label] = trajectory
+    pairs = tuple(_pairs(setups, trajectories))
+    machines = tuple(setup.machine for setup in setups.values())
+    results = _results(machines, runs, pairs)
+    return Comparison(results, {name: setup.solution for name, setup in setups.items()}, trajectories)
+
+
+def _law(stop_law: StopLaw | str) -> StopLaw:
+    try:
+        return StopLaw(stop_law)
+    except ValueError:
+        valid = ", ".join(law.value for law in StopLaw)
+        raise InputError(f"stop_law = {stop_law!r} is unknown; there are: {valid}.") from None
+
+
+def _unique(names: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys(names))
+
+
+def _mechanisms(models: Iterable[str | Mechanism], parameters: TrebuchetParameters | None) -> list[Mechanism]:
+    found = [model(m, parameters) if isinstance(m, str) else m for m in models]
+    by_name = {mechanism.name: mechanism for mechanism in found}
+    if not by_name:
+        raise InputError("no model was named; at least one is needed.")
+    return list(by_name.values())
+
+
+def _checked_engine(case: Case, timestep: float | None, options: dict[str, Any]) -> Engine:
+    """Make every engine before the first run, so that a wrong name or option costs no waiting."""
+    own = dict(options) if timestep is None else {"timestep": timestep, **options}
+    return engine(case.engine, case.preset, **own)
+
+
+def _setup(mechanism: Mechanism, duration: float | None, law: StopLaw) -> _Setup:
+    asked = Problem(mechanism, duration=_SEARCH if duration is None else duration, stop_law=law)
+    solution = solve(Problem(mechanism, duration=asked.duration + _REFERENCE_TAIL, stop_law=law))
+    launch = solution.launch
+    end = launch.time if duration is None and launch is not None else asked.duration
+    start = solution.motion(np.zeros(1))
+    times = np.linspace(0.0, end, 2001)
+    peaks = {name: float(torque.max()) for name, torque in solution.motion(times).stop_torques.items()}
+    machine = Machine(
+        model=mechanism.name,
+        mechanism=mechanism,
+        mechanism_hash=mechanism.content_hash,
+        table_one=_is_table_one(mechanism),
+        compared_to=end,
+        launch_time=launch.time if launch else None,
+        launch_speed=launch.speed if launch else None,
+        release_times=dict(solution.release_times),
+        start_torques={name: float(torque[0]) for name, torque in start.stop_torques.items()},
+    )
+    return _Setup(machine, solution, law, peaks)
+
+
+def _is_table_one(mechanism: Mechanism) -> bool:
+    try:
+        return model(mechanism.name).content_hash == mechanism.content_hash
+    except InputError:
+        return False
+
+
+def _run(case: Case, runner: Engine, setup: _Setup, store: Store | None) -> tuple[Run, Trajectory | None]:
+    settings = _settings(runner)
+    base = Run(
+        model=case.model,
+        engine=case.engine,
+        preset=case.preset,
+        outcome=Outcome.OK,
+        engine_version=engine_class(case.engine).version(),
+        settings=settings,
+    )
+    try:
+        trajectory = _trajectory(case, runner, setup, settings, store)
+        metrics = measure(trajectory, setup.solution, setup.machine.compared_to)
+    except TrebucheckError as error:
+        return base.model_copy(update={"outcome": _outcome_of(error), "message": str(error)}), None
+    except Exception as error:  # a plug-in may raise anything; the report must survive it
+        message = f"{type(error).__name__}: {error}"
+        return base.model_copy(update={"outcome": Outcome.FAILED, "message": message}), None
+    return _judged(base, trajectory, metrics, setup), trajectory
+
+
+def _settings(runner: Engine) -> dict[str, JsonValue]:
+    dump = getattr(runner, "model_dump", None)
+    return dump(mode="json", exclude={"preset"}) if dump is not None else {}
+
+
+def _outcome_of(error: TrebucheckError) -> Outcome:
+    if isinstance(error, EngineNotInstalledError):
+        return Outcome.ABSENT
+    return Outcome.UNSUPPORTED if isinstance(error, UnsupportedProblemError) else Outcome.FAILED
+
+
+def _trajectory(
+    case: Case, runner: Engine, setup: _Setup, settings: dict[str, JsonValue], store: Store | None
+) -> Trajectory:
+    step = settings.get("timestep")
+    tail = max(_TAIL, _TAIL_STEPS * step) if isinstance(step, float) else _TAIL
+    duration = min(setup.machine.compared_to + tail, setup.solution.problem.duration)
+    problem = Problem(setup.machine.mechanism, duration=duration, stop_law=setup.stop_law)
+    if store is None:
+        return runner.simulate(problem)
+    return store.kept_or_made(case.label, settings, problem, lambda: runner.simulate(problem))
+
+
+def _judged(base: Run, trajectory: Trajectory, metrics: Sequence[Metric], setup: _Setup) -> Run:
+    provenance = trajectory.provenance
+    run = base.model_copy(
+        update={"metrics": tuple(metrics), "steps": provenance.steps, "wall_time": provenance.wall_time}
+    )
+    run = run.model_copy(update={"metrics": judge(run, setup.machine, setup.peaks)})
+    return run.model_copy(update={"outcome": Outcome.BROKEN if run.broken else Outcome.OK})
+
+
+def _pairs(setups: dict[str, _Setup], trajectories: dict[tuple[str, str], Trajectory]) -> Iterable[Pair]:
+    for model_name, setup in setups.items():
+        own = {label: t for (name, label), t in trajectories.items() if name == model_name}
+        for first, second in combinations(own, 2):
+            yield against_each_other(setup.solution, (first, own[first]), (second, own[second]), setup.machine.compared_to)
+
+
+def _results(machines: tuple[Machine, ...], runs: list[Run], pairs: tuple[Pair, ...]) -> Results:
+    from .. import __version__  # noqa: PLC0415  (the front door imports this module)
+
+    return Results(
+        trebucheck_version=__version__,
+        python_version=platform.python_version(),
+        platform=f"{platform.system()} {platform.machine()}",
+        machines=machines,
+        runs=tuple(runs),
+        pairs=pairs,
+    )

@@ -1,0 +1,1 @@
+"""The command line. Modules import what they need inside their commands: `--help` stays quick and engine-free."""

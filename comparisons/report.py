@@ -1,0 +1,102 @@
+"""The report: one HTML file that needs nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from importlib.resources import files
+from typing import Any
+
+import plotly.graph_objects as go
+from jinja2 import Environment, StrictUndefined
+from plotly.offline import get_plotlyjs
+
+from ..models.arrays import FloatArray
+from ..models.trajectory import Trajectory
+from . import figures
+from .campaign import Comparison
+from .results import Machine, Pair, Run
+from .summary import COLUMNS, complaints, cost, figure, headline, step
+from .terminal import verdict
+
+
+@dataclass(frozen=True)
+class Section:
+    """A titled plot with the sentence that says how to read it."""
+
+    title: str
+    text: str
+    plot: str
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """All there is about one machine."""
+
+    machine: Machine
+    runs: list[Run]
+    pairs: list[Pair]
+    sections: list[Section]
+
+
+def report_html(comparison: Comparison) -> str:
+    """The whole report as HTML text, scripts and all."""
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    text = files(__package__).joinpath("templates/report.html.j2").read_text(encoding="utf-8")
+    return environment.from_string(text).render(
+        results=comparison.results,
+        verdict=verdict(comparison.results),
+        chapters=[_chapter(comparison, machine) for machine in comparison.results.machines],
+        columns=COLUMNS,
+        plotly=get_plotlyjs(),
+        figure=figure,
+        complaints=complaints,
+        cost=cost,
+        headline=headline,
+        step=step,
+    )
+
+
+def _chapter(comparison: Comparison, machine: Machine) -> Chapter:
+    own = {label: t for (name, label), t in comparison.trajectories.items() if name == machine.model}
+    return Chapter(
+        machine=machine,
+        runs=[run for run in comparison.results.runs if run.model == machine.model],
+        pairs=[pair for pair in comparison.results.pairs if pair.model == machine.model],
+        sections=_sections(comparison, machine, own),
+    )
+
+
+def _sections(comparison: Comparison, machine: Machine, own: dict[str, Trajectory]) -> list[Section]:
+    solution, end = comparison.solutions[machine.model], machine.compared_to
+    runs = figures.lines(solution, own, end)
+    over_time = partial(figures.over_time, solution, runs, end)
+    angles = {body.angle: partial(_coordinate, i) for i, body in enumerate(machine.mechanism.bodies)}
+    torques = {s.name: partial(_torque, s.name) for s in machine.mechanism.stops if s.closed}
+    plots: list[tuple[str, str, go.Figure]] = [
+        ("Motion", "The paths of projectile and counterweight, and the machine at the start and at the end.",
+         figures.paths(solution, runs, end)),
+        ("Distance from the reference", "At each engine's own times; no sample is interpolated.",
+         figures.distances(runs)),
+        ("Angles", "Absolute, positive clockwise; below, the differences to the reference.",
+         over_time(angles, "rad")),
+        ("Energy drift", "Of the total energy at the start. Nothing dissipates: any drift is numerical.",
+         figures.energy_drift(solution, runs)),
+    ]  # fmt: skip
+    if torques:
+        text = "At least 0 while the rest pushes, 0 once it has let go; below, the differences to the reference."
+        plots.insert(3, ("Stop torques", text, over_time(torques, "N m")))
+    return [Section(title, text, _embedded(plot)) for title, text, plot in plots]
+
+
+def _coordinate(index: int, trajectory: Trajectory) -> FloatArray:
+    return trajectory.q[:, index]
+
+
+def _torque(name: str, trajectory: Trajectory) -> FloatArray:
+    return trajectory.stop_torque(name)
+
+
+def _embedded(plot: go.Figure) -> str:
+    options: dict[str, Any] = {"displaylogo": False, "responsive": True}
+    return plot.to_html(full_html=False, include_plotlyjs=False, config=options)

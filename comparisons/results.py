@@ -1,0 +1,122 @@
+"""What a comparison finds, as data: the content of results.json and its schema."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Literal
+
+from pydantic import Field, JsonValue
+
+from ..models.mechanism import Mechanism
+from ..models.spec import Real, Spec
+
+FORMAT = "trebucheck-results-1"
+
+
+class Outcome(StrEnum):
+    """How a run ended; the text is what the table shows."""
+
+    OK = "ok"
+    BROKEN = "tolerance broken"
+    FAILED = "failed"
+    ABSENT = "not installed"
+    UNSUPPORTED = "not supported"
+
+
+class Metric(Spec):
+    """One figure of a run, a distance from the reference unless its name says otherwise.
+
+    `value` is None where there is nothing to compare; `note` then says why.
+    """
+
+    name: str
+    subject: str | None = Field(default=None, description="marker, stop or joint it is about")
+    value: Real | None
+    unit: str
+    tolerance: Real | None = None
+    reason: str | None = Field(default=None, description="where the tolerance comes from")
+    note: str | None = None
+    expected: str | None = Field(default=None, description="why a broken tolerance is known and expected here")
+
+    @property
+    def label(self) -> str:
+        """Name and subject in one."""
+        return self.name if self.subject is None else f"{self.name} ({self.subject})"
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether the tolerance holds; None without one. A judged figure that is missing does not hold."""
+        if self.tolerance is None:
+            return None
+        return self.value is not None and abs(self.value) <= self.tolerance
+
+
+class Run(Spec):
+    """One engine, preset and machine."""
+
+    model: str
+    engine: str
+    preset: str
+    outcome: Outcome
+    message: str | None = Field(default=None, description="why it failed")
+    engine_version: str
+    settings: dict[str, JsonValue] = {}
+    steps: Annotated[int, Field(ge=0)] = 0
+    wall_time: Real | None = Field(default=None, description="of the whole simulate, first call warm [s]")
+    metrics: tuple[Metric, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """Engine and preset in one."""
+        return f"{self.engine} {self.preset}"
+
+    @property
+    def broken(self) -> tuple[Metric, ...]:
+        """Metrics whose tolerance does not hold, and unexpectedly so."""
+        return tuple(m for m in self.metrics if m.holds is False and m.expected is None)
+
+    def metric(self, name: str, subject: str | None = None) -> Metric | None:
+        """The metric of that name and subject, if the run has it."""
+        return next((m for m in self.metrics if (m.name, m.subject) == (name, subject)), None)
+
+
+class Pair(Spec):
+    """Two runs of one machine against each other."""
+
+    model: str
+    first: str
+    second: str
+    position_max: Real | None = Field(description="of the projectile [m]; None without a projectile")
+    release_time_max: Real | None = Field(description="[s]; None if not the same stops opened")
+    launch_speed: Real | None = Field(description="[m/s]; None if one of them does not launch")
+
+
+class Machine(Spec):
+    """A machine as compared, with the reference's figures."""
+
+    model: str
+    mechanism: Mechanism
+    mechanism_hash: str
+    table_one: bool = Field(description="whether it is the paper's Table I machine")
+    compared_to: Real = Field(description="end of the compared motion: the launch, or the duration [s]")
+    launch_time: Real | None
+    launch_speed: Real | None
+    release_times: dict[str, Real | None]
+    start_torques: dict[str, Real]
+
+
+class Results(Spec):
+    """The whole of a comparison."""
+
+    format: Literal["trebucheck-results-1"] = FORMAT
+    trebucheck_version: str
+    python_version: str
+    platform: str
+    machines: tuple[Machine, ...]
+    runs: tuple[Run, ...]
+    pairs: tuple[Pair, ...]
+
+    @property
+    def passed(self) -> bool:
+        """No tolerance broken and no run failed. An engine that is not installed is no disagreement."""
+        return all(run.outcome not in (Outcome.BROKEN, Outcome.FAILED) for run in self.runs)

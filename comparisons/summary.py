@@ -1,0 +1,101 @@
+"""The few figures of a run that a table shows: one list, read by the terminal, the report and the README."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from .results import Metric, Outcome, Run
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of the agreement table."""
+
+    title: str
+    unit: str
+    metrics: Callable[[Run], list[Metric]]
+    """Those it stands for; the largest is shown."""
+    short: str = ""
+    """Title where there is little room; '' leaves the column out there."""
+
+    def cell(self, run: Run) -> Cell:
+        """What the table shows for a run."""
+        found = self.metrics(run)
+        values = [abs(m.value) for m in found if m.value is not None]
+        broken = any(m.holds is False for m in found)
+        judged = any(m.holds is not None for m in found)
+        missing = any(m.value is None for m in found)
+        largest = max(values) if values and not missing else None
+        return Cell(figure(largest) if found else "", largest, broken, judged)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A shown figure, and how it stands to its tolerances."""
+
+    text: str
+    value: float | None
+    broken: bool
+    judged: bool
+
+
+def _named(name: str, subject: str | None = None) -> Callable[[Run], list[Metric]]:
+    def pick(run: Run) -> list[Metric]:
+        return [m for m in run.metrics if m.name == name and subject in (None, m.subject)]
+
+    return pick
+
+
+COLUMNS: tuple[Column, ...] = (
+    Column("projectile", "m", _named("position_max", "projectile"), short="position"),
+    Column("counterweight", "m", _named("position_max", "counterweight")),
+    Column("release", "s", _named("release_time"), short="release"),
+    Column("launch time", "s", _named("launch_time")),
+    Column("launch speed", "m/s", _named("launch_speed"), short="speed"),
+    Column("stop torque", "N m", _named("stop_torque_max"), short="torque"),
+    Column("joint force", "1", _named("joint_reaction_relative")),
+    Column("energy", "1", _named("energy_drift"), short="energy"),
+)
+
+
+def figure(value: float | None) -> str:
+    """A figure with two significant digits; a dash for none."""
+    if value is None:
+        return "–"
+    return "0" if value == 0 else _scientific(value, digits=1)
+
+
+def _scientific(value: float, digits: int) -> str:
+    mantissa, exponent = f"{value:.{digits}e}".split("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def cost(run: Run) -> str:
+    """Wall time [s]."""
+    return "–" if run.wall_time is None else f"{run.wall_time:.2f}"
+
+
+def step(run: Run) -> str:
+    """The step, as set, with as many digits as it needs."""
+    value = run.settings.get("timestep")
+    if not isinstance(value, float):
+        return "–"
+    digits = next(n for n in range(17) if float(_scientific(value, n)) == value or n == 3)
+    return _scientific(value, digits)
+
+
+def headline(run: Run) -> str:
+    """Outcome in words."""
+    return run.outcome.value if run.outcome in (Outcome.OK, Outcome.BROKEN) else f"{run.outcome.value}: {run.message}"
+
+
+def complaints(run: Run) -> list[str]:
+    """One sentence for each tolerance that does not hold, expected or not."""
+    sentences: list[str] = []
+    for metric in run.metrics:
+        if metric.holds is False:
+            found = metric.note or f"{figure(metric.value)} {metric.unit}"
+            sentence = f"{metric.label}: {found}, tolerance {figure(metric.tolerance)} {metric.unit} ({metric.reason})"
+            sentences.append(sentence if metric.expected is None else f"{sentence}; expected: {metric.expected}")
+    return sentences

@@ -1,0 +1,124 @@
+"""What agreement is asked of each engine, and why just that much.
+
+A bar is a stated need at a stated step. At a longer step it grows with the engine's order of convergence; at a
+shorter one it stays (a need does not sharpen because somebody computes more). Table I is what the needs were stated
+for; on any other machine, whose speeds and forces are others, ten times as much is allowed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .results import Machine, Metric, Run
+
+_OTHER_MACHINES = 10.0
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One stated need."""
+
+    engine: str
+    preset: str
+    metric: str
+    value: float
+    timestep: float
+    """Step the value is stated for [s]."""
+    order: int
+    """Order in the step with which the value grows."""
+    per: str = ""
+    """'' for the metric's own unit, 'start' or 'peak' for a multiple of the stop's torque at the start, or at most."""
+    subject: str | None = None
+    """None: any."""
+    model: str | None = None
+    """None: any."""
+
+
+_NEED = {
+    "mujoco": "second order once releases are located, softness scaled with the step",
+    "pymunk": "second order: leapfrog read at its own times",
+    "exudyn": "second order: trapezoidal rule, index 2",
+    "reference": "certified integrator, tolerance 3e-14 per step",
+}
+_STOCK = {
+    "mujoco": "default soft limits: millimetres, whatever the step",
+    "pymunk": "first order: positions and speeds half a step apart, joints drift by error_bias",
+    "exudyn": "index-3 multipliers are noisy, so a rest may let go early",
+    "reference": "tolerances of 1e-9 per step",
+}
+
+# The reference is what the others are measured against, so only an invariant can judge it here; its figures are
+# held to independent ones in tests/verification.
+BARS: tuple[Bar, ...] = (
+    Bar("reference", "tuned", "energy_drift", 1e-12, 1.0, 0),
+    Bar("mujoco", "tuned", "position_max", 1e-7, 1e-3, 2, subject="projectile"),
+    Bar("mujoco", "tuned", "release_time", 1e-8, 1e-3, 2),
+    Bar("mujoco", "tuned", "launch_speed", 3e-7, 1e-3, 2),
+    Bar("mujoco", "tuned", "stop_torque_max", 1e-6, 1e-3, 2, per="start"),
+    Bar("mujoco", "tuned", "energy_drift", 1e-9, 1e-3, 2),
+    Bar("pymunk", "tuned", "position_max", 2e-3, 1e-3, 2, subject="projectile", model="fixed"),
+    Bar("pymunk", "tuned", "position_max", 3e-3, 1e-3, 2, subject="projectile"),
+    Bar("pymunk", "tuned", "position_max", 2.5e-5, 1e-4, 2, subject="projectile"),
+    Bar("pymunk", "tuned", "stop_torque_max", 1e-4, 1e-3, 2, per="peak"),
+    Bar("pymunk", "tuned", "release_time", 1e-5, 1e-3, 2),
+    Bar("exudyn", "tuned", "position_max", 1e-5, 1e-4, 2, subject="projectile"),
+    Bar("exudyn", "tuned", "stop_torque_max", 2e-3, 1e-4, 2),
+    Bar("exudyn", "tuned", "release_time", 1e-7, 1e-4, 2),
+    Bar("exudyn", "tuned", "energy_drift", 1e-6, 1e-4, 2),
+    Bar("mujoco", "stock", "position_max", 1e-2, 1e-3, 2, subject="projectile"),
+    Bar("pymunk", "stock", "position_max", 5e-1, 1e-3, 1, subject="projectile"),
+)
+
+
+def judge(run: Run, machine: Machine, peaks: dict[str, float]) -> tuple[Metric, ...]:
+    """The run's metrics, each with its tolerance where there is one.
+
+    Args:
+        peaks: largest torque of each stop in the reference [N m].
+    """
+    step = float(run.settings["timestep"]) if isinstance(run.settings.get("timestep"), float) else None
+    judged: list[Metric] = []
+    for metric in run.metrics:
+        bar = _bar_for(run, machine, metric, step)
+        judged.append(metric if bar is None or step is None else _with(metric, bar, step, machine, peaks))
+    return tuple(judged)
+
+
+def _bar_for(run: Run, machine: Machine, metric: Metric, step: float | None) -> Bar | None:
+    """The bar stated for the longest step not above this one; the one for the shortest if all are above."""
+    fitting = [
+        bar
+        for bar in BARS
+        if (bar.engine, bar.preset, bar.metric) == (run.engine, run.preset, metric.name)
+        and bar.subject in (None, metric.subject)
+        and bar.model in (None, machine.model)
+    ]
+    if not fitting or step is None:
+        return None
+    below = [bar for bar in fitting if bar.timestep <= step * (1 + 1e-9)]
+    if not below:
+        return min(fitting, key=lambda bar: bar.timestep)
+    longest = max(bar.timestep for bar in below)
+    return min((bar for bar in below if bar.timestep == longest), key=lambda bar: bar.value)
+
+
+def _with(metric: Metric, bar: Bar, step: float, machine: Machine, peaks: dict[str, float]) -> Metric:
+    growth = max(1.0, step / bar.timestep) ** bar.order
+    allowance = 1.0 if machine.table_one else _OTHER_MACHINES
+    tolerance = bar.value * growth * allowance * _scale(bar, metric, machine, peaks)
+    need = _NEED if bar.preset == "tuned" else _STOCK
+    reason = f"{bar.value:g}{f' of the {bar.per} value' if bar.per else ''} stated at {bar.timestep:g} s"
+    if growth > 1:
+        reason += f", grown with order {bar.order} to {step:g} s"
+    if allowance > 1:
+        reason += f", times {allowance:g} away from Table I"
+    return metric.model_copy(update={"tolerance": tolerance, "reason": f"{reason} ({need[bar.engine]})"})
+
+
+def _scale(bar: Bar, metric: Metric, machine: Machine, peaks: dict[str, float]) -> float:
+    if not bar.per or metric.subject is None:
+        return 1.0
+    start = machine.start_torques.get(metric.subject, 0.0)
+    # A rest that never pushes has no torque of its own to measure by: then the largest of any stop.
+    peak = peaks.get(metric.subject, 0.0) or max(peaks.values(), default=0.0)
+    return start if bar.per == "start" and start > 0 else peak

@@ -1,0 +1,58 @@
+"""Shared fixtures: which engines, which machines, and one fixed profile for random ones."""
+
+from __future__ import annotations
+
+import math
+import os
+
+import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+
+import trebucheck as tb
+from trebucheck.engines.registry import engine_class, engine_names
+
+# Derandomised: a red run is red again on the next machine. `HYPOTHESIS_PROFILE=search` looks further.
+_COMMON = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow, HealthCheck.function_scoped_fixture]}
+settings.register_profile("ci", derandomize=True, max_examples=20, database=None, **_COMMON)
+settings.register_profile("search", max_examples=200, **_COMMON)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--engines", default="", help="comma-separated engines to test; all known ones by default")
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    if "engine_name" in metafunc.fixturenames:
+        asked = metafunc.config.getoption("--engines")
+        names = asked.split(",") if asked else list(engine_names())
+        metafunc.parametrize("engine_name", [_param(name) for name in names])
+
+
+def _param(name: str) -> object:
+    absent = not engine_class(name).is_installed()
+    return pytest.param(name, marks=pytest.mark.skipif(absent, reason=f"{name} is not installed here"), id=name)
+
+
+@pytest.fixture(params=[tb.fixed, tb.rolling], ids=["fixed", "rolling"])
+def build(request: pytest.FixtureRequest) -> object:
+    """Builder of a machine from its parameters."""
+    return request.param
+
+
+def machine_parameters() -> st.SearchStrategy[tb.TrebuchetParameters]:
+    """Machines a builder might think of, away from Table I in every length, mass and start angle."""
+    return st.builds(
+        tb.TrebuchetParameters,
+        l1=st.floats(7.0, 12.0),
+        l2=st.floats(2.5, 5.0),
+        r=st.floats(4.0, 8.0),
+        h=st.floats(6.0, 12.0),
+        m_b=st.floats(30.0, 150.0),
+        m_cw=st.floats(1500.0, 5000.0),
+        m_a=st.floats(300.0, 2000.0),
+        theta0=st.floats(-0.2, 0.3),
+        phi0=st.floats(math.pi - 0.2, math.pi + 0.3),
+        alpha0=st.floats(-math.pi / 4 - 0.3, -math.pi / 4 + 0.3),
+    )
