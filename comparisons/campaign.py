@@ -21,14 +21,17 @@ from ..models.registry import model
 from ..models.trajectory import Trajectory
 from ..reference.solution import Solution
 from ..reference.solver import solve
+from .isolation import Worker, simulate_warm
 from .metrics import measure
 from .pairs import against_each_other
 from .results import Machine, Metric, Outcome, Pair, Results, Run
 from .store import Store
 from .tolerances import judge
 
+_Simulate = Callable[[Engine, Problem], Trajectory]
+
 PRESETS = ("tuned", "stock")
-_SEARCH = 8.0  # [s] the reference looks for the launch up to here, unless a duration is given
+_SEARCH = (4.0, 10.0)  # [s] the reference looks for the launch up to these, unless a duration is given
 _TAIL_STEPS, _TAIL = 20, 0.02  # an engine runs on past the reference's launch, so that its own can be found
 _REFERENCE_TAIL = 1.0  # [s] and the reference further still
 
@@ -83,6 +86,7 @@ def compare(
     duration: float | None = None,
     stop_law: StopLaw | str = StopLaw.RELEASE_ONCE,
     store: Store | None = None,
+    isolate: bool = True,
     progress: Callable[[Case, int, int], None] | None = None,
     **options: Any,
 ) -> Comparison:
@@ -97,6 +101,7 @@ def compare(
         duration: end of the compared motion [s]; the reference's launch if left out.
         stop_law: 'release-once' or 'unilateral'.
         store: where trajectories are kept and, if asked, taken from again.
+        isolate: simulate in a process of its own, so that an engine's crash costs only its row.
         progress: called before each case with the number done and the number of all.
         options: further options for every engine that has them.
 
@@ -111,13 +116,15 @@ def compare(
     setups = {mechanism.name: _setup(mechanism, duration, law) for mechanism in mechanisms}
     trajectories: dict[tuple[str, str], Trajectory] = {}
     runs: list[Run] = []
-    for done, case in enumerate(cases):
-        if progress:
-            progress(case, done, len(cases))
-        run, trajectory = _run(case, makers[case.engine, case.preset], setups[case.model], store)
-        runs.append(run)
-        if trajectory is not None:
-            trajectories[case.model, case.label] = trajectory
+    with Worker() as worker:
+        simulate = worker.simulate if isolate else simulate_warm
+        for done, case in enumerate(cases):
+            if progress:
+                progress(case, done, len(cases))
+            run, trajectory = _run(case, makers[case.engine, case.preset], setups[case.model], store, simulate)
+            runs.append(run)
+            if trajectory is not None:
+                trajectories[case.model, case.label] = trajectory
     pairs = tuple(_pairs(setups, trajectories))
     machines = tuple(setup.machine for setup in setups.values())
     results = _results(machines, runs, pairs)
@@ -151,10 +158,8 @@ def _checked_engine(case: Case, timestep: float | None, options: dict[str, Any])
 
 
 def _setup(mechanism: Mechanism, duration: float | None, law: StopLaw) -> _Setup:
-    asked = Problem(mechanism, duration=_SEARCH if duration is None else duration, stop_law=law)
-    solution = solve(Problem(mechanism, duration=asked.duration + _REFERENCE_TAIL, stop_law=law))
+    solution, end = _reference(mechanism, duration, law)
     launch = solution.launch
-    end = launch.time if duration is None and launch is not None else asked.duration
     start = solution.motion(np.zeros(1))
     times = np.linspace(0.0, end, 2001)
     peaks = {name: float(torque.max()) for name, torque in solution.motion(times).stop_torques.items()}
@@ -172,6 +177,19 @@ def _setup(mechanism: Mechanism, duration: float | None, law: StopLaw) -> _Setup
     return _Setup(machine, solution, law, peaks)
 
 
+def _reference(mechanism: Mechanism, duration: float | None, law: StopLaw) -> tuple[Solution, float]:
+    """The reference motion, somewhat longer than the compared one, and the end of that [s]."""
+    if duration is not None:
+        asked = Problem(mechanism, duration=duration, stop_law=law)
+        return solve(Problem(mechanism, duration=asked.duration + _REFERENCE_TAIL, stop_law=law)), asked.duration
+    solution = solve(Problem(mechanism, duration=_SEARCH[0], stop_law=law))
+    for horizon in _SEARCH[1:]:
+        if solution.launch is not None:
+            break
+        solution = solve(Problem(mechanism, duration=horizon, stop_law=law))
+    return solution, solution.launch.time if solution.launch else _SEARCH[0]
+
+
 def _is_table_one(mechanism: Mechanism) -> bool:
     try:
         return model(mechanism.name).content_hash == mechanism.content_hash
@@ -179,7 +197,9 @@ def _is_table_one(mechanism: Mechanism) -> bool:
         return False
 
 
-def _run(case: Case, runner: Engine, setup: _Setup, store: Store | None) -> tuple[Run, Trajectory | None]:
+def _run(
+    case: Case, runner: Engine, setup: _Setup, store: Store | None, simulate: _Simulate
+) -> tuple[Run, Trajectory | None]:
     settings = _settings(runner)
     base = Run(
         model=case.model,
@@ -190,7 +210,7 @@ def _run(case: Case, runner: Engine, setup: _Setup, store: Store | None) -> tupl
         settings=settings,
     )
     try:
-        trajectory = _trajectory(case, runner, setup, settings, store)
+        trajectory = _trajectory(case, runner, setup, settings, store, simulate)
         metrics = measure(trajectory, setup.solution, setup.machine.compared_to)
     except TrebucheckError as error:
         return base.model_copy(update={"outcome": _outcome_of(error), "message": str(error)}), None
@@ -212,15 +232,20 @@ def _outcome_of(error: TrebucheckError) -> Outcome:
 
 
 def _trajectory(
-    case: Case, runner: Engine, setup: _Setup, settings: dict[str, JsonValue], store: Store | None
+    case: Case,
+    runner: Engine,
+    setup: _Setup,
+    settings: dict[str, JsonValue],
+    store: Store | None,
+    simulate: _Simulate,
 ) -> Trajectory:
     step = settings.get("timestep")
     tail = max(_TAIL, _TAIL_STEPS * step) if isinstance(step, float) else _TAIL
     duration = min(setup.machine.compared_to + tail, setup.solution.problem.duration)
     problem = Problem(setup.machine.mechanism, duration=duration, stop_law=setup.stop_law)
     if store is None:
-        return runner.simulate(problem)
-    return store.kept_or_made(case.label, settings, problem, lambda: runner.simulate(problem))
+        return simulate(runner, problem)
+    return store.kept_or_made(case.label, settings, problem, lambda: simulate(runner, problem))
 
 
 def _judged(base: Run, trajectory: Trajectory, metrics: Sequence[Metric], setup: _Setup) -> Run:

@@ -29,6 +29,11 @@ def console() -> Console:
     return Console(highlight=False)
 
 
+def progress_console() -> Console:
+    """Standard error, so that a progress bar never gets between the results."""
+    return Console(stderr=True)
+
+
 def print_results(results: Results, to: Console) -> None:
     """The agreement tables, the pairs, what broke, and the verdict."""
     for machine in results.machines:

@@ -48,3 +48,20 @@ def write_text(path: str | Path, text: str) -> None:
     """
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def refuse_unwritable(folder: str | Path) -> None:
+    """Say now, before long work, that a folder cannot be written to; nothing is left behind.
+
+    Raises:
+        InputError: the folder, or the nearest one above it that exists, is no folder or not writable.
+    """
+    target = Path(folder)
+    existing = next(path for path in (target.absolute(), *target.absolute().parents) if path.exists())
+    if not existing.is_dir():
+        raise InputError(f"{target} cannot be written: {existing} is not a folder.")
+    try:
+        with tempfile.TemporaryFile(dir=existing):
+            pass
+    except OSError as error:
+        raise InputError(f"{target} cannot be written: {error.strerror or error}.") from None

@@ -9,6 +9,8 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
+from pydantic_core import ErrorDetails
+
 from .errors import InputError
 
 
@@ -30,23 +32,41 @@ Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z][A-Z
 """A name that is also legal in MJCF, NetCDF and file names: a letter, then letters, digits, space, _ or -."""
 
 
-def sentence_of(error: ValidationError, subject: str) -> str:
-    """Turn pydantic's list into one sentence that names each field, its value and what would be valid."""
-    parts: list[str] = []
-    for row in error.errors(include_url=False):
-        field = ".".join(str(step) for step in row["loc"])
-        given = row["input"]
-        reason = row["msg"].removeprefix("Value error, ")
-        reason = reason[:1].lower() + reason[1:]
-        if not field:
-            parts.append(reason)
-        elif row["type"] == "missing":
-            parts.append(f"{field} is missing")
-        elif row["type"] == "extra_forbidden":
-            parts.append(f"{field} is not a field it has")
-        else:
-            parts.append(f"{field} = {_shortened(given)}: {reason}")
-    return f"{subject} cannot be built: " + "; ".join(parts) + "."
+class SpecError(InputError):
+    """A description that cannot be built; keeps the complaints apart, so that an outer one can name their place."""
+
+    def __init__(self, subject: str, complaints: list[tuple[str, str]]) -> None:
+        self.subject, self.complaints = subject, complaints
+        texts = [f"{field}{text}" for field, text in complaints]
+        super().__init__(f"{subject} cannot be built: {'; '.join(texts)}.")
+
+    def __reduce__(self) -> tuple[type[SpecError], tuple[str, list[tuple[str, str]]]]:
+        """Travel between processes: the default would call the class with the finished sentence."""
+        return type(self), (self.subject, self.complaints)
+
+    @classmethod
+    def of(cls, error: ValidationError, subject: str) -> SpecError:
+        """From pydantic's list: each field, its value and what would be valid."""
+        complaints: list[tuple[str, str]] = []
+        for row in error.errors(include_url=False):
+            field = ".".join(str(step) for step in row["loc"] if step not in ("pin", "pin-in-slot"))
+            inner = row.get("ctx", {}).get("error")
+            if isinstance(inner, SpecError):
+                complaints += [(f"{field}.{name}" if name else field, text) for name, text in inner.complaints]
+            else:
+                complaints.append((field, _complaint(row, field)))
+        return cls(subject, complaints)
+
+
+def _complaint(row: ErrorDetails, field: str) -> str:
+    if row["type"] == "missing":
+        return " is missing"
+    if row["type"] == "extra_forbidden":
+        return " is not a field it has"
+    reason = row["msg"].removeprefix("Value error, ")
+    if not field:
+        return reason
+    return f" = {_shortened(row['input'])}: {reason[:1].lower()}{reason[1:]}"
 
 
 def _shortened(value: object) -> str:
@@ -67,7 +87,7 @@ class Spec(BaseModel):
         try:
             super().__init__(**fields)
         except ValidationError as error:
-            raise InputError(sentence_of(error, type(self).__name__)) from None
+            raise SpecError.of(error, type(self).__name__) from None
 
     def to_json(self) -> str:
         """JSON text; floats are written as the shortest decimal that reads back to the same bits."""
@@ -83,7 +103,7 @@ class Spec(BaseModel):
         try:
             return cls.model_validate_json(text)
         except ValidationError as error:
-            raise InputError(sentence_of(error, cls.__name__)) from None
+            raise SpecError.of(error, cls.__name__) from None
 
     @classmethod
     def load(cls, path: str | Path) -> Self:

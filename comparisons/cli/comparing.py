@@ -40,14 +40,13 @@ def compare_command(
 
     trebucheck compare --models fixed --engines mujoco,pymunk --preset tuned --timestep 1e-3 --set l1=9.5
     """
-    from ...models.errors import InputError
+    from ...models.files import refuse_unwritable
     from ..store import Store
 
     machines = options.machines(models, options.parameters(assignments, beam))
     presets = options.names(preset, "--preset")
     chosen = options.names(engines, "--engines") if engines else None
-    if out.exists() and not out.is_dir():
-        raise InputError(f"--out {out} is a file; a folder is needed.")
+    refuse_unwritable(out)
     comparison = _with_progress(
         machines, chosen, presets, timestep, duration, stop_law, Store(out / "trajectories", resume)
     )
@@ -68,10 +67,11 @@ def _with_progress(
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     from ..campaign import Case, compare
-    from ..terminal import console
+    from ..terminal import progress_console
 
     columns = (TextColumn("{task.description:<28}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console(), transient=True) as bar:
+    to = progress_console()
+    with Progress(*columns, console=to, transient=True, disable=not to.is_terminal) as bar:
         task = bar.add_task("reference", total=None)
 
         def show(case: Case, done: int, of: int) -> None:

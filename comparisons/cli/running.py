@@ -36,6 +36,7 @@ def run_command(
     from ...engines.registry import engine as make
     from ...models.dataset import save
     from ...models.errors import InputError
+    from ...models.files import refuse_unwritable
     from ...models.problem import Problem
     from ..terminal import console, print_summary
 
@@ -49,6 +50,7 @@ def run_command(
     runner = make(engine, preset, **own)
     problem = Problem(mechanism, duration=_to_launch(mechanism) if duration is None else duration, stop_law=stop_law)
     path = out if out.suffix == ".nc" else out / f"{mechanism.name}-{engine}-{preset}.nc"
+    refuse_unwritable(path.parent)
     trajectory = runner.simulate(problem)
     save(trajectory, path)
     print_summary(trajectory, console())

@@ -1,0 +1,63 @@
+"""A run in a process of its own: an engine that takes its process down does not take the report with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from joblib.externals.loky import ProcessPoolExecutor
+from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+from ..engines.protocol import Engine
+from ..models.errors import SimulationError, TrebucheckError
+from ..models.problem import Problem
+from ..models.trajectory import Trajectory
+
+_WARM_UP = 5e-3  # [s] simulated before the run that is timed: imports and first calls are not the engine's speed
+
+
+def simulate_warm(runner: Engine, problem: Problem) -> Trajectory:
+    """Simulate, after a short run whose time is not counted."""
+    step = getattr(runner, "timestep", _WARM_UP)
+    short = Problem(problem.mechanism, duration=min(problem.duration, max(_WARM_UP, step)), stop_law=problem.stop_law)
+    try:
+        runner.simulate(short)
+    except TrebucheckError:
+        pass  # the run itself will say it better
+    return runner.simulate(problem)
+
+
+@dataclass
+class Worker:
+    """One process that simulates, started when first needed and again after each crash.
+
+    loky, not multiprocessing: it needs no `if __name__ == "__main__"` in the caller's script.
+    """
+
+    _pool: Any = field(default=None, init=False)
+
+    def simulate(self, runner: Engine, problem: Problem) -> Trajectory:
+        """As :func:`simulate_warm`, elsewhere.
+
+        Raises:
+            SimulationError: the engine ended its process (a crash of its compiled code, or out of memory).
+        """
+        if self._pool is None:
+            self._pool = ProcessPoolExecutor(max_workers=1)
+        try:
+            return self._pool.submit(simulate_warm, runner, problem).result()
+        except TerminatedWorkerError:
+            self.close()
+            raise SimulationError(f"{runner.name} crashed: its process ended by itself.") from None
+
+    def close(self) -> None:
+        """End the process."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=False, kill_workers=True)
+            self._pool = None
+
+    def __enter__(self) -> Worker:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -1,0 +1,84 @@
+"""Engines of a third party, for tests of the extension point: one honest, some not."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import trebucheck as tb
+
+ENTRY_POINTS = """[trebucheck.engines]
+echo = plugins:Echo
+liar = plugins:Liar
+raiser = plugins:Raiser
+crasher = plugins:Crasher
+"""
+
+
+def announce(folder: Path) -> None:
+    """Write the metadata of an installed distribution that brings these engines."""
+    info = folder / "trebucheck_test_plugins-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: trebucheck-test-plugins\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(ENTRY_POINTS)
+
+
+@dataclass(frozen=True)
+class Echo:
+    """Gives the reference back under another name."""
+
+    name = "echo"
+    capabilities = tb.Capabilities(
+        joint_reactions=True,
+        joint_gaps=False,
+        located_releases=True,
+        stop_laws=frozenset(tb.StopLaw),
+        formulation="borrowed",
+    )
+    timestep: float = 1e-3
+
+    @classmethod
+    def presets(cls) -> dict[str, Callable[..., tb.Engine]]:
+        return {"tuned": cls, "stock": cls}
+
+    @classmethod
+    def is_installed(cls) -> bool:
+        return True
+
+    @classmethod
+    def version(cls) -> str:
+        return "1.0"
+
+    def simulate(self, problem: tb.Problem) -> tb.Trajectory:
+        return tb.engine("reference", timestep=self.timestep).simulate(problem)
+
+
+class Liar(Echo):
+    """Moves a heavier projectile."""
+
+    name = "liar"
+
+    def simulate(self, problem: tb.Problem) -> tb.Trajectory:
+        other = tb.fixed(tb.TrebuchetParameters(m_b=60.06))
+        found = super().simulate(tb.Problem(other, duration=problem.duration))
+        return replace(found, mechanism=problem.mechanism)
+
+
+class Raiser(Echo):
+    """Fails as a careless library does."""
+
+    name = "raiser"
+
+    def simulate(self, problem: tb.Problem) -> tb.Trajectory:
+        raise ZeroDivisionError("careless")
+
+
+class Crasher(Echo):
+    """Takes its process down, as a fault in compiled code does."""
+
+    name = "crasher"
+
+    def simulate(self, problem: tb.Problem) -> tb.Trajectory:
+        os.abort()

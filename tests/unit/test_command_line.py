@@ -1,0 +1,175 @@
+"""The command line: every wrong input gets one sentence and exit code 2, and nothing half-written."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+import trebucheck as tb
+from trebucheck.__main__ import main
+from trebucheck.comparisons.results import Results
+from trebucheck.models.dataset import load
+
+FIELDS = list(tb.TrebuchetParameters.model_fields)
+
+
+def _refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("error: ")
+    assert captured.err.count("\n") == 1, captured.err
+    assert "Traceback" not in captured.err
+    return captured.err
+
+
+@pytest.mark.parametrize("name", FIELDS)
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e400", "abc", "-100", ""])
+def test_every_parameter_is_checked(name: str, value: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert name in _refused(["models", "show", "fixed", "--set", f"{name}={value}"], capsys)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["compare", "--set", "l1"], "NAME=VALUE"),
+        (["compare", "--set", "l9=3"], "there is no such parameter; there are: l1, l2"),
+        (["compare", "--set", "l1=3", "--set", "l1=4"], "names 'l1' twice"),
+        (["compare", "--models", "floating"], "no model 'floating'"),
+        (["compare", "--models", ","], "--models is empty"),
+        (["compare", "--engines", "mujoko"], "did you mean 'mujoco'"),
+        (["compare", "--preset", "best", "--engines", "reference"], "no preset 'best'"),
+        (["compare", "--timestep", "0"], "timestep = 0.0"),
+        (["compare", "--timestep", "nan"], "timestep = nan"),
+        (["compare", "--timestep", "soon"], "--timestep"),
+        (["compare", "--duration", "-1"], "duration = -1.0"),
+        (["compare", "--stop-law", "sticky"], "stop_law = 'sticky'"),
+        (["compare", "--beam", "5"], "l1 = 10.0 must be shorter than the beam"),
+        (["compare", "--beam", "14", "--set", "l2=4"], "--beam chooses l2"),
+        (["compare", "--colour"], "--colour"),
+        (["run", "--engine", "reference", "--option", "rtol=1"], "rtol = 1"),
+        (["run", "--engine", "reference", "--option", "colour=red"], "colour is not a field"),
+        (["run", "--engine", "reference", "--model", "fixed,rolling"], "names 2 machines"),
+        (["run", "--engine", "reference", "--timestep", "0.5", "--duration", "0.1"], "must not be longer"),
+        (["run"], "--engine"),
+        (["models", "show", "absent.json"], "absent.json cannot be read"),
+        (["models", "show"], "Missing argument"),
+        (["launch"], "launch"),
+    ],
+)
+def test_wrong_input_gets_a_sentence(
+    arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert complaint in _refused(arguments, capsys)
+    assert not list(tmp_path.iterdir())
+
+
+def test_files_that_are_no_mechanism(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "machine.json"
+    path.write_text(tb.fixed().to_json().replace('"mass": 60.0', '"mass": -60.0'))
+    assert "bodies.1.mass = -60.0" in _refused(["models", "show", str(path)], capsys)
+    path.write_bytes(b"\xff\xfe")
+    assert str(path) in _refused(["models", "show", str(path)], capsys)
+    assert "--set and --beam are for named machines" in _refused(["models", "show", str(path), "--set", "r=5"], capsys)
+
+
+@pytest.mark.parametrize("command", [["compare", "--engines", "reference"], ["run", "--engine", "reference"]])
+def test_a_folder_that_cannot_be_written(command: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("kept")
+    assert str(blocked) in _refused([*command, "--out", str(blocked / "deeper")], capsys)
+    assert blocked.read_text() == "kept"
+
+
+def test_show_round_trips(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["models", "show", "rolling", "--set", "l1=9.1", "--set", "theta0=0.1"]) == 0
+    text = capsys.readouterr().out
+    assert tb.Mechanism.from_json(text) == tb.rolling(tb.TrebuchetParameters(l1=9.1, theta0=0.1))
+    path = tmp_path / "own.json"
+    path.write_text(text)
+    assert main(["models", "show", str(path)]) == 0
+    assert capsys.readouterr().out == text
+
+
+def test_beam(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["models", "show", "fixed", "--set", "l1=9", "--beam", "14"]) == 0
+    assert tb.Mechanism.from_json(capsys.readouterr().out) == tb.fixed(tb.TrebuchetParameters(l1=9, l2=5))
+
+
+def test_list_engines_schema_and_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["models", "list"]) == 0
+    assert {line.split()[0] for line in capsys.readouterr().out.splitlines()} == {"fixed", "rolling"}
+    assert main(["engines"]) == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in ("reference", "mujoco", "pymunk", "exudyn"))
+    assert main(["models", "schema"]) == 0
+    assert json.loads(capsys.readouterr().out)["title"] == "Mechanism"
+    assert main(["--version"]) == 0
+    assert tb.__version__ in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", [[], ["compare"], ["run"], ["engines"], ["models"], ["models", "export"]])
+def test_help_shows_options(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*command, "--help"]) == 0
+    shown = re.sub(r"\s+", " ", capsys.readouterr().out)
+    assert "Usage: trebucheck" in shown
+    for option in {"compare": ("--models", "--set", "--out", "--resume"), "run": ("--option",)}.get("".join(command), ()):
+        assert option in shown
+
+
+def test_compare_writes_all_and_ends_well(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "deep" / "report"
+    assert main(["compare", "--engine", "reference", "--model", "fixed", "--out", str(out)]) == 0
+    assert "Agreement holds" in capsys.readouterr().out
+    results = Results.load(out / "results.json")
+    assert [run.label for run in results.runs] == ["reference tuned", "reference stock"]
+    page = (out / "report.html").read_text()
+    assert "Fixed machine" in page
+    assert not re.search(r"<(script|link|img)[^>]+(src|href)=.(https?:)?//", page), "the report must need nothing else"
+    assert sorted(p.name for p in (out / "trajectories").iterdir()) == [
+        "fixed-reference-stock.nc",
+        "fixed-reference-tuned.nc",
+    ]
+    assert not list(out.rglob("*.part"))
+
+
+def test_a_broken_tolerance_is_exit_code_1(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from trebucheck.comparisons import tolerances  # noqa: PLC0415
+
+    strict = tolerances.Bar("reference", "stock", "energy_drift", 1e-15, 1.0, 0)
+    monkeypatch.setattr(tolerances, "BARS", (strict,))
+    assert main(["compare", "--engine", "reference", "--model", "fixed", "--out", str(tmp_path)]) == 1
+    shown = re.sub(r"\s+", " ", capsys.readouterr().out)
+    assert "Agreement does not hold" in shown
+    assert "fixed, reference stock: energy_drift" in shown
+    assert "tolerance broken" in (tmp_path / "report.html").read_text()
+
+
+def test_run_writes_a_trajectory(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "own.nc"
+    arguments = ["run", "--engine", "reference", "--model", "rolling", "--set", "l1=9.5", "--duration", "2.6"]
+    assert main([*arguments, "--timestep", "2e-3", "--option", "rtol=1e-11", "--out", str(path)]) == 0
+    trajectory = load(path)
+    assert trajectory.mechanism == tb.rolling(tb.TrebuchetParameters(l1=9.5))
+    assert trajectory.provenance.settings["rtol"] == 1e-11
+    assert math.isclose(trajectory.t[1], 2e-3)
+    assert "launch speed" in capsys.readouterr().out
+
+
+def test_an_interrupt_is_exit_code_130(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from trebucheck.comparisons import campaign  # noqa: PLC0415
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(campaign, "compare", interrupted)
+    assert main(["compare", "--out", str(tmp_path / "out")]) == 130
+    assert "--resume" in capsys.readouterr().err
+    assert not (tmp_path / "out" / "report.html").exists()

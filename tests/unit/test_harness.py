@@ -1,0 +1,291 @@
+"""The comparison harness itself, on the reference and on engines of a third party: no engine library needed."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+
+import plugins
+import trebucheck as tb
+from trebucheck.comparisons.campaign import Case, Comparison
+from trebucheck.comparisons.metrics import measure
+from trebucheck.comparisons.report import report_html
+from trebucheck.comparisons.results import Metric, Outcome, Results, Run
+from trebucheck.comparisons.store import Store
+from trebucheck.comparisons.tolerances import judge
+from trebucheck.models.dataset import load, save
+from trebucheck.models.schema import schema_text
+from trebucheck.reference.solver import solve
+
+
+@pytest.fixture
+def third_party(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Engines announced by entry points, as an installed distribution announces them."""
+    folder = tmp_path_factory.mktemp("site")
+    plugins.announce(folder)
+    monkeypatch.syspath_prepend(str(folder))
+
+
+def _reference(**parameters: float) -> tb.Trajectory:
+    machine = tb.fixed(tb.TrebuchetParameters(**parameters))
+    return tb.engine("reference", timestep=5e-3).simulate(tb.Problem(machine, duration=2.8))
+
+
+def _compare(**changes: object) -> Comparison:
+    options = {"models": ["fixed"], "engines": ["reference"], "presets": ["tuned"], "isolate": False}
+    return tb.compare(**{**options, **changes})  # type: ignore[arg-type]
+
+
+# metrics
+
+
+def test_the_reference_is_no_distance_from_itself() -> None:
+    solution = solve(tb.Problem(tb.fixed(), duration=3.0))
+    assert solution.launch is not None
+    for metric in measure(_reference(), solution, solution.launch.time):
+        if not metric.name.startswith(("energy", "stop_gap", "launch")):
+            assert metric.value == 0.0, metric.label
+
+
+@pytest.mark.parametrize(
+    ("name", "subject", "change", "expected"),
+    [
+        ("position_max", "projectile", lambda t: _moved(t, 3e-4, 4e-4), 5e-4),
+        ("position_rms", "projectile", lambda t: _moved(t, 3e-4, 4e-4), 5e-4),
+        ("angle_max", "phi", lambda t: replace(t, q=t.q + [0, 2e-3, 0]), 2e-3),
+        ("stop_torque_max", "hanger rest", lambda t: _twisted(t, 7.0), 7.0),
+        ("release_time", "sling rest", lambda t: _later(t, 1e-4), 1e-4),
+        ("energy_drift", None, lambda t: replace(t, kinetic_energy=t.kinetic_energy + 208.1015257), 1e-3),
+        ("joint_reaction_max", "fulcrum", lambda t: _pulled(t, 30.0, 40.0), 50.0),
+    ],
+)
+def test_a_known_difference_is_measured(name: str, subject: str | None, change: object, expected: float) -> None:
+    solution = solve(tb.Problem(tb.fixed(), duration=3.0))
+    metrics = measure(change(_reference()), solution, 2.7)  # type: ignore[operator]
+    found = next(m for m in metrics if (m.name, m.subject) == (name, subject))
+    assert found.value == pytest.approx(expected, rel=1e-6)
+
+
+def _moved(trajectory: tb.Trajectory, dx: float, dy: float) -> tb.Trajectory:
+    motion = trajectory.marker("projectile")
+    moved = replace(motion, position=motion.position + [dx, dy])
+    return replace(trajectory, markers={**trajectory.markers, "projectile": moved})
+
+
+def _twisted(trajectory: tb.Trajectory, torque: float) -> tb.Trajectory:
+    torques = dict(trajectory.stop_torques)
+    torques["hanger rest"] = torques["hanger rest"] + torque
+    return replace(trajectory, stop_torques=torques)
+
+
+def _later(trajectory: tb.Trajectory, by: float) -> tb.Trajectory:
+    times = dict(trajectory.release_times)
+    times["sling rest"] = (times["sling rest"] or 0.0) + by
+    return replace(trajectory, release_times=times)
+
+
+def _pulled(trajectory: tb.Trajectory, fx: float, fy: float) -> tb.Trajectory:
+    forces = dict(trajectory.joint_reactions)
+    forces["fulcrum"] = forces["fulcrum"] + [fx, fy]
+    return replace(trajectory, joint_reactions=forces)
+
+
+def test_a_release_only_one_of_them_has_is_a_missing_figure_that_does_not_hold() -> None:
+    solution = solve(tb.Problem(tb.fixed(), duration=3.0))
+    trajectory = replace(_reference(), release_times={"hanger rest": None, "sling rest": 1.4, "arm stop": None})
+    found = next(m for m in measure(trajectory, solution, 2.7) if m.label == "release_time (hanger rest)")
+    assert found.value is None
+    assert found.note is not None and "1.19494057 s by the reference" in found.note
+    assert found.model_copy(update={"tolerance": 1.0}).holds is False
+
+
+def test_an_engine_that_observes_no_forces_has_no_metric_of_them() -> None:
+    solution = solve(tb.Problem(tb.fixed(), duration=3.0))
+    blind = replace(_reference(), stop_torques={}, joint_reactions={})
+    names = {m.name for m in measure(blind, solution, 2.7)}
+    assert not any(name.startswith(("stop_torque", "joint_reaction")) for name in names)
+    with pytest.raises(tb.InputError, match="no stop torque 'hanger rest' here; there is none"):
+        blind.stop_torque("hanger rest")
+
+
+# tolerances
+
+
+def _tolerance(timestep: float, name: str = "position_max", **machine: object) -> float | None:
+    setup = _compare().results.machines[0].model_copy(update=machine)
+    metric = Metric(name=name, subject="projectile", value=0.0, unit="m")
+    run = Run(
+        model="fixed",
+        engine="pymunk",
+        preset="tuned",
+        outcome=Outcome.OK,
+        engine_version="1",
+        settings={"timestep": timestep},
+        metrics=(metric,),
+    )
+    return judge(run, setup, {"hanger rest": 1.0})[0].tolerance
+
+
+def test_tolerances_grow_with_the_order_and_do_not_sharpen() -> None:
+    assert _tolerance(1e-3) == pytest.approx(2e-3)
+    assert _tolerance(2e-3) == pytest.approx(8e-3)
+    assert _tolerance(1e-4) == pytest.approx(2.5e-5)
+    assert _tolerance(5e-4) == pytest.approx(25 * 2.5e-5)
+    assert _tolerance(1e-5) == pytest.approx(2.5e-5)
+    assert _tolerance(1e-3, table_one=False) == pytest.approx(2e-2)
+    assert _tolerance(1e-3, name="position_rms") is None
+
+
+# campaigns
+
+
+def test_results_follow_their_published_schema() -> None:
+    schema = schema_text(Results)
+    published = Path(__file__).parents[2] / "comparisons" / "schemas" / "results.schema.json"
+    assert published.read_text() == schema
+    results = _compare().results
+    jsonschema.validate(json.loads(results.to_json()), json.loads(schema))
+    assert Results.from_json(results.to_json()) == results
+
+
+@pytest.mark.usefixtures("third_party")
+def test_a_plug_in_is_compared_like_any_engine() -> None:
+    assert tb.engines()["echo"].version == "1.0"
+    comparison = _compare(engines=["echo"])
+    assert comparison.passed
+    assert comparison.results.runs[0].metric("position_max", "projectile").value == 0.0  # type: ignore[union-attr]
+
+
+@pytest.mark.usefixtures("third_party")
+@pytest.mark.parametrize("isolate", [False, True])
+def test_a_failing_engine_costs_its_row_only(isolate: bool) -> None:
+    comparison = _compare(engines=["raiser", "reference"], isolate=isolate)
+    failed, fine = comparison.results.runs
+    assert (failed.outcome, fine.outcome) == (Outcome.FAILED, Outcome.OK)
+    assert failed.message == "ZeroDivisionError: careless"
+    assert not comparison.passed
+    assert "ZeroDivisionError: careless" in report_html(comparison)
+
+
+@pytest.mark.usefixtures("third_party")
+def test_a_crashing_engine_costs_its_row_only() -> None:
+    comparison = _compare(engines=["crasher", "reference"], isolate=True)
+    failed, fine = comparison.results.runs
+    assert (failed.outcome, fine.outcome) == (Outcome.FAILED, Outcome.OK)
+    assert failed.message == "crasher crashed: its process ended by itself."
+
+
+def test_an_engine_that_is_not_installed_is_said_and_no_disagreement(monkeypatch: pytest.MonkeyPatch) -> None:
+    from trebucheck.engines.registry import engine_class  # noqa: PLC0415
+
+    monkeypatch.setattr(engine_class("mujoco"), "is_installed", classmethod(lambda cls: False))
+    comparison = _compare(engines=["mujoco", "reference"])
+    absent = comparison.results.runs[0]
+    assert absent.outcome is Outcome.ABSENT
+    assert absent.message is not None and "pip install mujoco" in absent.message
+    assert comparison.passed
+
+
+def test_one_own_mechanism_and_no_launch() -> None:
+    """A pendulum: no projectile, no stops, nothing that launches; the report is made all the same."""
+    pendulum = tb.Mechanism(
+        name="pendulum",
+        bodies=(tb.Body(name="bob", angle="beta", mass=3.0, centre=(2.0, 0), inertia=1.0),),
+        joints=(tb.PinJoint(name="pivot", parent="ground", child="bob", parent_point=(0, 0), child_point=(0, 0)),),
+        gravity=9.81,
+        start=(0.0,),
+    )
+    comparison = _compare(models=[pendulum], duration=1.0)
+    assert comparison.passed
+    assert comparison.results.machines[0].compared_to == 1.0
+    assert "does not launch" in report_html(comparison)
+
+
+def test_wrong_names_cost_no_waiting() -> None:
+    with pytest.raises(tb.InputError, match="no engine 'foo'"):
+        _compare(engines=["reference", "foo"])
+    with pytest.raises(tb.InputError, match="no model 'floating'"):
+        _compare(models=["floating"])
+    with pytest.raises(tb.InputError, match="stop_law = 'x'"):
+        _compare(stop_law="x")
+    with pytest.raises(tb.InputError, match="duration = 0"):
+        _compare(duration=0.0)
+
+
+def test_progress_is_told() -> None:
+    told: list[tuple[Case, int, int]] = []
+    _compare(presets=["tuned", "stock"], progress=lambda *row: told.append(row))
+    assert [(case.label, done, of) for case, done, of in told] == [("reference tuned", 0, 2), ("reference stock", 1, 2)]
+
+
+def test_an_interrupted_comparison_goes_on(tmp_path: Path) -> None:
+    class Stopped(Exception):
+        pass
+
+    def stop_at_second(case: Case, done: int, of: int) -> None:
+        if done == 1:
+            raise Stopped
+
+    with pytest.raises(Stopped):
+        _compare(presets=["tuned", "stock"], store=Store(tmp_path), progress=stop_at_second)
+    kept = tmp_path / "fixed-reference-tuned.nc"
+    before = kept.stat().st_mtime_ns
+    comparison = _compare(presets=["tuned", "stock"], store=Store(tmp_path, resume=True))
+    assert len(comparison.results.runs) == 2
+    assert kept.stat().st_mtime_ns == before
+    _compare(store=Store(tmp_path, resume=True), timestep=2e-3)  # another setting: made anew
+    assert kept.stat().st_mtime_ns != before
+
+
+def test_a_broken_kept_file_is_made_anew(tmp_path: Path) -> None:
+    (tmp_path / "fixed-reference-tuned.nc").write_bytes(b"not NetCDF")
+    assert _compare(store=Store(tmp_path, resume=True)).passed
+    assert load(tmp_path / "fixed-reference-tuned.nc").mechanism == tb.fixed()
+
+
+# files
+
+
+def test_a_trajectory_survives_its_file(tmp_path: Path) -> None:
+    before = _reference()
+    save(before, tmp_path / "a.nc")
+    after = load(tmp_path / "a.nc")
+    for name in ("t", "q", "u", "kinetic_energy", "potential_energy"):
+        assert np.array_equal(getattr(before, name), getattr(after, name))
+    assert after.mechanism == before.mechanism
+    assert after.release_times == before.release_times
+    assert after.provenance == before.provenance
+    assert np.array_equal(after.stop_torque("hanger rest"), before.stop_torque("hanger rest"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.nc"]
+
+
+def test_datasets_carry_units() -> None:
+    dataset = _reference().to_dataset()
+    assert {name: dataset[name].attrs["units"] for name in ("time", "position", "stop_torque", "joint_reaction")} == {
+        "time": "s",
+        "position": "m",
+        "stop_torque": "N m",
+        "joint_reaction": "N",
+    }
+    assert dataset["q"].sel(coordinate="phi").values[0] == pytest.approx(np.pi)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="/dev/null is a Unix file")
+def test_an_unwritable_place_is_said_and_nothing_is_left(tmp_path: Path) -> None:
+    for path in ("/dev/null/a.nc", tmp_path):
+        with pytest.raises(tb.InputError, match="cannot be written"):
+            save(_reference(), path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_that_is_no_trajectory_is_said(tmp_path: Path) -> None:
+    (tmp_path / "x.nc").write_text("no")
+    for path in (tmp_path / "x.nc", tmp_path / "absent.nc"):
+        with pytest.raises(tb.InputError, match=r"\.nc"):
+            load(path)
