@@ -87,6 +87,7 @@ def compare(
     stop_law: StopLaw | str = StopLaw.RELEASE_ONCE,
     store: Store | None = None,
     isolate: bool = True,
+    timeout: float = 600.0,
     progress: Callable[[Case, int, int], None] | None = None,
     **options: Any,
 ) -> Comparison:
@@ -102,12 +103,15 @@ def compare(
         stop_law: 'release-once' or 'unilateral'.
         store: where trajectories are kept and, if asked, taken from again.
         isolate: simulate in a process of its own, so that an engine's crash costs only its row.
+        timeout: longest wait for one isolated run [s]; what takes longer becomes a failed row.
         progress: called before each case with the number done and the number of all.
         options: further options for every engine that has them.
 
     Raises:
         InputError: a name or a value is not valid. A run that fails raises nothing: it becomes a failed row.
     """
+    if not timeout > 0:
+        raise InputError(f"timeout = {timeout!r} s must be positive.")
     law = _law(stop_law)
     mechanisms = _mechanisms(models, parameters)
     names = _unique(engines if engines is not None else engine_names())
@@ -116,7 +120,7 @@ def compare(
     setups = {mechanism.name: _setup(mechanism, duration, law) for mechanism in mechanisms}
     trajectories: dict[tuple[str, str], Trajectory] = {}
     runs: list[Run] = []
-    with Worker() as worker:
+    with Worker(timeout) as worker:
         simulate = worker.simulate if isolate else simulate_warm
         for done, case in enumerate(cases):
             if progress:
@@ -261,11 +265,13 @@ def _pairs(setups: dict[str, _Setup], trajectories: dict[tuple[str, str], Trajec
     for model_name, setup in setups.items():
         own = {label: t for (name, label), t in trajectories.items() if name == model_name}
         for first, second in combinations(own, 2):
-            yield against_each_other(setup.solution, (first, own[first]), (second, own[second]), setup.machine.compared_to)
+            yield against_each_other(
+                setup.solution, (first, own[first]), (second, own[second]), setup.machine.compared_to
+            )
 
 
 def _results(machines: tuple[Machine, ...], runs: list[Run], pairs: tuple[Pair, ...]) -> Results:
-    from .. import __version__  # noqa: PLC0415  (the front door imports this module)
+    from .. import __version__  # the front door imports this module
 
     return Results(
         trebucheck_version=__version__,

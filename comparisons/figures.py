@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -52,7 +53,7 @@ def lines(solution: Solution, trajectories: dict[str, Trajectory], end: float) -
 
 
 def _until(trajectory: Trajectory, end: float) -> Trajectory:
-    from dataclasses import replace  # noqa: PLC0415
+    from dataclasses import replace
 
     keep = trajectory.t <= end
 
@@ -74,7 +75,7 @@ def thinned(t: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     if len(t) <= _POINTS:
         return t, values
     edges = np.linspace(0, len(t), _POINTS + 1).astype(int)
-    chosen = np.array([a + int(np.argmax(np.abs(values[a:b]))) for a, b in zip(edges[:-1], edges[1:], strict=True)])
+    chosen = np.array([a + int(np.argmax(np.abs(values[a:b]))) for a, b in pairwise(edges)])
     return t[chosen], values[chosen]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,10 +21,8 @@ def simulate_warm(runner: Engine, problem: Problem) -> Trajectory:
     """Simulate, after a short run whose time is not counted."""
     step = getattr(runner, "timestep", _WARM_UP)
     short = Problem(problem.mechanism, duration=min(problem.duration, max(_WARM_UP, step)), stop_law=problem.stop_law)
-    try:
+    with suppress(TrebucheckError):  # the run itself will say it better
         runner.simulate(short)
-    except TrebucheckError:
-        pass  # the run itself will say it better
     return runner.simulate(problem)
 
 
@@ -34,21 +33,27 @@ class Worker:
     loky, not multiprocessing: it needs no `if __name__ == "__main__"` in the caller's script.
     """
 
+    timeout: float = 600.0
+    """Longest wait for one run [s]."""
     _pool: Any = field(default=None, init=False)
 
     def simulate(self, runner: Engine, problem: Problem) -> Trajectory:
         """As :func:`simulate_warm`, elsewhere.
 
         Raises:
-            SimulationError: the engine ended its process (a crash of its compiled code, or out of memory).
+            SimulationError: the engine ended its process (a crash of its compiled code, or out of memory), or did
+                not come to an end.
         """
         if self._pool is None:
             self._pool = ProcessPoolExecutor(max_workers=1)
         try:
-            return self._pool.submit(simulate_warm, runner, problem).result()
+            return self._pool.submit(simulate_warm, runner, problem).result(self.timeout)
         except TerminatedWorkerError:
             self.close()
             raise SimulationError(f"{runner.name} crashed: its process ended by itself.") from None
+        except TimeoutError:
+            self.close()
+            raise SimulationError(f"{runner.name} did not finish within {self.timeout:g} s and was stopped.") from None
 
     def close(self) -> None:
         """End the process."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import trapezoid
 
-from ..models.arrays import FloatArray
+from ..models.arrays import BoolArray, FloatArray
 from ..models.trajectory import Trajectory
 from ..reference.solution import Solution
 from .results import Metric
@@ -28,7 +28,7 @@ class Comparison:
     reference: Trajectory
     solution: Solution
     end: float
-    keep: FloatArray
+    keep: BoolArray
 
     @property
     def t(self) -> FloatArray:
@@ -129,7 +129,7 @@ def _torques(c: Comparison) -> Iterator[Metric]:
         yield Metric(name="stop_impulse", subject=name, value=float(impulse), unit="N m s")
 
 
-def _away_from_releases(c: Comparison) -> FloatArray:
+def _away_from_releases(c: Comparison) -> BoolArray:
     """Which compared samples are further than one and a half steps from any release, either's."""
     step = float(np.median(np.diff(c.trajectory.t)))
     away = np.ones(len(c.t), dtype=bool)

@@ -42,7 +42,7 @@ class Chapter:
 def report_html(comparison: Comparison) -> str:
     """The whole report as HTML text, scripts and all."""
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    text = files(__package__).joinpath("templates/report.html.j2").read_text(encoding="utf-8")
+    text = files("trebucheck.comparisons").joinpath("templates/report.html.j2").read_text(encoding="utf-8")
     return environment.from_string(text).render(
         results=comparison.results,
         verdict=verdict(comparison.results),

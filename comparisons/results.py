@@ -60,7 +60,7 @@ class Run(Spec):
     outcome: Outcome
     message: str | None = Field(default=None, description="why it failed")
     engine_version: str
-    settings: dict[str, JsonValue] = {}
+    settings: dict[str, JsonValue] = Field(default_factory=dict)
     steps: Annotated[int, Field(ge=0)] = 0
     wall_time: Real | None = Field(default=None, description="of the whole simulate, first call warm [s]")
     metrics: tuple[Metric, ...] = ()

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from ..models.trajectory import Trajectory
 from .results import Machine, Outcome, Pair, Results, Run
-from .summary import COLUMNS, complaints, cost, figure, headline, step
+from .summary import COLUMNS, complaints, cost, figure, step
 
 _SHORT = {
     Outcome.OK: "ok",

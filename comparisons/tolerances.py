@@ -76,7 +76,8 @@ def judge(run: Run, machine: Machine, peaks: dict[str, float]) -> tuple[Metric, 
     Args:
         peaks: largest torque of each stop in the reference [N m].
     """
-    step = float(run.settings["timestep"]) if isinstance(run.settings.get("timestep"), float) else None
+    found = run.settings.get("timestep")
+    step = found if isinstance(found, float) else None
     judged: list[Metric] = []
     for metric in run.metrics:
         bar = _bar_for(run, machine, metric, step)

@@ -14,7 +14,13 @@ import numpy as np
 from pydantic import Field
 
 from ..models.arrays import FloatArray
-from ..models.errors import EngineNotInstalledError, InputError, SimulationError, TrebucheckError, UnsupportedProblemError
+from ..models.errors import (
+    EngineNotInstalledError,
+    InputError,
+    SimulationError,
+    TrebucheckError,
+    UnsupportedProblemError,
+)
 from ..models.problem import Problem, StopLaw
 from ..models.spec import Positive, Spec
 from ..models.trajectory import PointMotion, Provenance, Trajectory
@@ -94,12 +100,14 @@ class BuiltinEngine(Spec, ABC):
     @classmethod
     def stock(cls, **options: Any) -> Self:
         """What the engine's documentation leads a newcomer to."""
-        return cls(**{**cls.stock_options, "preset": "stock", **options})
+        fields: dict[str, Any] = {**cls.stock_options, "preset": "stock", **options}
+        return cls(**fields)
 
     @classmethod
     def tuned(cls, **options: Any) -> Self:
         """The most accurate settings found at this cost."""
-        return cls(**{"preset": "tuned", **options})
+        fields: dict[str, Any] = {"preset": "tuned", **options}
+        return cls(**fields)
 
     @classmethod
     def presets(cls) -> dict[str, Callable[..., Self]]:
@@ -139,9 +147,11 @@ class BuiltinEngine(Spec, ABC):
             raise SimulationError(f"{self.name} failed: {type(error).__name__}: {error}") from error
         wall = time.perf_counter() - started
         self._refuse_divergence(recording)
-        return Trajectory(mechanism=problem.mechanism, provenance=self._provenance(problem, recording, wall), **{
-            key: value for key, value in vars(recording).items() if key != "steps"
-        })
+        return Trajectory(
+            mechanism=problem.mechanism,
+            provenance=self._provenance(problem, recording, wall),
+            **{key: value for key, value in vars(recording).items() if key != "steps"},
+        )
 
     @abstractmethod
     def _run(self, problem: Problem) -> Recording:

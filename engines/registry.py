@@ -56,10 +56,10 @@ def engine_class(name: str) -> EngineClass:
     """
     if name in _BUILTIN:
         module, cls = _BUILTIN[name]
-        return cast(EngineClass, getattr(importlib.import_module(f".{module}", __package__), cls))
+        return cast("EngineClass", getattr(importlib.import_module(f".{module}", __package__), cls))
     for point in importlib.metadata.entry_points(group=PLUGIN_GROUP, name=name):
         try:
-            return cast(EngineClass, point.load())
+            return cast("EngineClass", point.load())
         except Exception as error:
             raise InputError(f"engine {name!r} comes from a plug-in that cannot be loaded: {error}.") from error
     known = engine_names()

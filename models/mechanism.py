@@ -49,7 +49,9 @@ class SlotJoint(Spec):
     parent_point: Vector = Field(description="a point of the slot, where its coordinate is zero [m]")
     child_point: Vector = Field(description="in the child's frame [m]")
     axis: Vector = Field(description="direction of the slot, length 1")
-    coordinate: Name | None = Field(default=None, description="name of its slide coordinate; none where it closes a loop")
+    coordinate: Name | None = Field(
+        default=None, description="name of its slide coordinate; none where it closes a loop"
+    )
 
     @model_validator(mode="after")
     def _axis_has_length_one(self) -> Self:
@@ -162,6 +164,9 @@ class Mechanism(Spec):
         used = [(f"joint {j.name!r}", n) for j in self.joints for n in (j.parent, j.child)]
         used += [(f"stop {s.name!r}", n) for s in self.stops for n in (s.body, s.relative_to)]
         used += [(f"marker {m.name!r}", m.body) for m in self.markers]
+        for joint in self.joints:
+            if joint.child == GROUND:
+                raise ValueError(f"joint {joint.name!r} has the ground as its child; the ground can only be a parent")
         for user, name in used:
             if name not in known:
                 raise ValueError(f"{user} names the body {name!r}; there are {sorted(known)}")

@@ -18,7 +18,7 @@ from ..models.arrays import FloatArray
 
 
 def solve_lcp(matrix: FloatArray, offset: FloatArray) -> FloatArray:
-    """x >= 0 with matrix x + offset >= 0 and x . (matrix x + offset) = 0; shapes (m, m), (m,) -> (m,)."""
+    """X >= 0 with matrix x + offset >= 0 and x . (matrix x + offset) = 0; shapes (m, m), (m,) -> (m,)."""
     values, vectors = np.linalg.eigh(matrix)
     kept = values > values[-1] * len(values) * np.finfo(np.float64).eps * 16
     root = (np.sqrt(values[kept]) * vectors[:, kept]).T  # matrix = root^T root

@@ -103,12 +103,16 @@ class Equations:
         forces = (rates.conj() * self._weights).real - self._bias(quadratic, u)
         n_q, n_c = q.shape[-1], self.n_loops + len(closed)
         if n_c == 0:
-            return np.linalg.solve(mass, forces[..., None])[..., 0], np.zeros((*q.shape[:-1], 0))
+            return _solve(mass, forces), np.zeros((*q.shape[:-1], 0))
         jacobian = self.constraint_jacobian(q, closed)
         kkt = np.zeros((*q.shape[:-1], n_q + n_c, n_q + n_c))
         kkt[..., :n_q, :n_q] = mass
         kkt[..., :n_q, n_q:] = -np.swapaxes(jacobian, -1, -2)
         kkt[..., n_q:, :n_q] = jacobian
         right = np.concatenate([forces, -self._constraint_bias(q, u, len(closed))], axis=-1)
-        solution = np.linalg.solve(kkt, right[..., None])[..., 0]
+        solution = _solve(kkt, right)
         return solution[..., :n_q], solution[..., n_q:]
+
+
+def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0], dtype=np.float64)

@@ -72,10 +72,10 @@ class PaperEquations:
         u = [sp.diff(c, t) for c in q]
         plain_q, plain_u = sp.symbols(f"q0:{len(q)}"), sp.symbols(f"u0:{len(q)}")
         plain_a = sp.symbols(f"a0:{len(q)}")
-        swap = dict(zip([sp.diff(v, t) for v in u], plain_a, strict=True))
+        swap: dict[Any, Any] = dict(zip([sp.diff(v, t) for v in u], plain_a, strict=True))
         swap |= dict(zip(u, plain_u, strict=True)) | dict(zip(q, plain_q, strict=True))
         left = [sp.diff(sp.diff(lagrangian, v), t) - sp.diff(lagrangian, c) for c, v in zip(q, u, strict=True)]
-        residual = sp.Matrix([expression.subs(swap) for expression in left])
+        residual = sp.Matrix([sp.sympify(expression).subs(swap) for expression in left])
         mass = residual.jacobian(list(plain_a))
         forces = -residual.subs(dict.fromkeys(plain_a, 0))
         arguments = [list(self._symbols.values()), list(plain_q), list(plain_u)]
@@ -93,5 +93,6 @@ class PaperEquations:
         held = [row for row, is_held in ((g1, sling_held), (g2, hanger_held)) if is_held]
         jacobian = np.array(held).reshape(len(held), len(q))
         kkt = np.block([[mass, -jacobian.T], [jacobian, np.zeros((len(held), len(held)))]])
-        solution = np.linalg.solve(kkt, np.concatenate([forces.ravel(), np.zeros(len(held))]))
+        right = np.concatenate([forces.ravel(), np.zeros(len(held))])
+        solution = np.asarray(np.linalg.solve(kkt, right), dtype=np.float64)
         return solution[: len(q)], solution[len(q) :]

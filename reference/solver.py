@@ -120,13 +120,14 @@ class _Integration:
             state.t,
             np.concatenate([state.q, state.u]),
             self.problem.duration,
-            **self.tolerances,
+            rtol=self.tolerances["rtol"],
+            atol=self.tolerances["atol"],
         )
         times, pieces = [state.t], list[DenseOutput]()
         event: _Event | None = None
         while stepper.status == "running" and event is None:
             message = stepper.step()
-            if stepper.status == "failed":
+            if message is not None:
                 raise SimulationError(f"the reference's integrator stopped at t = {stepper.t:.6g} s: {message}.")
             piece = stepper.dense_output()
             event = self._first_event(state, piece, times[-1], stepper.t)
@@ -171,9 +172,7 @@ class _Integration:
             return self.equations.kinematics.gap(name, q)
         return self.equations.solve(q, u, closed)[1][..., self.equations.n_loops + closed.index(name)]
 
-    def _root(
-        self, piece: DenseOutput, t0: float, t1: float, name: str, closes: bool, state: _Progress
-    ) -> float:
+    def _root(self, piece: DenseOutput, t0: float, t1: float, name: str, closes: bool, state: _Progress) -> float:
         def value(t: float) -> float:
             return float(self._distance(np.asarray(piece(t)), name, closes, state.closed))
 

@@ -65,4 +65,4 @@ def _held_response(equations: Equations, q: FloatArray, force: FloatArray) -> Fl
     mass, loops = equations.mass_matrix(q), equations.constraint_jacobian(q, ())
     n_q, n_l = len(q), len(loops)
     kkt = np.block([[mass, -loops.T], [loops, np.zeros((n_l, n_l))]])
-    return np.linalg.solve(kkt, np.concatenate([force, np.zeros(n_l)]))[:n_q]
+    return np.asarray(np.linalg.solve(kkt, np.concatenate([force, np.zeros(n_l)]))[:n_q], dtype=np.float64)

@@ -6,10 +6,9 @@ import math
 import os
 
 import pytest
+import trebucheck as tb
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
-
-import trebucheck as tb
 from trebucheck.engines.registry import engine_class, engine_names
 
 # Derandomised: a red run is red again on the next machine. `HYPOTHESIS_PROFILE=search` looks further.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +15,7 @@ echo = plugins:Echo
 liar = plugins:Liar
 raiser = plugins:Raiser
 crasher = plugins:Crasher
+sleeper = plugins:Sleeper
 """
 
 
@@ -82,3 +84,13 @@ class Crasher(Echo):
 
     def simulate(self, problem: tb.Problem) -> tb.Trajectory:
         os.abort()
+
+
+class Sleeper(Echo):
+    """Never comes to an end."""
+
+    name = "sleeper"
+
+    def simulate(self, problem: tb.Problem) -> tb.Trajectory:
+        time.sleep(3600)
+        raise AssertionError("unreachable")

@@ -32,7 +32,7 @@ app.add_typer(models.app, name="models")
 
 def _show_version(asked: bool) -> None:
     if asked:
-        from ... import __version__  # noqa: PLC0415  (the front door imports this module)
+        from ... import __version__  # the front door imports this module
 
         typer.echo(f"trebucheck {__version__}")
         raise typer.Exit
@@ -53,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit code: 0, 1 (disagreement or a failed run), 2 (wrong input) or 130 (interrupted).
     """
-    from ...models.errors import TrebucheckError  # noqa: PLC0415
+    from ...models.errors import TrebucheckError
 
     try:
         code = app(args=arguments, prog_name="trebucheck", standalone_mode=False)

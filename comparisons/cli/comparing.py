@@ -25,6 +25,7 @@ def compare_command(
     beam: options.Beam = None,
     stop_law: Annotated[str, typer.Option("--stop-law", help="release-once or unilateral.")] = "release-once",
     resume: Annotated[bool, typer.Option("--resume", help="Take finished runs from the folder again.")] = False,
+    timeout: Annotated[float, typer.Option("--timeout", help="Longest wait for one run [s].")] = 600.0,
     out: Annotated[Path, typer.Option("--out", help="Folder for report.html, results.json and trajectories.")] = Path(
         "report"
     ),
@@ -35,7 +36,6 @@ def compare_command(
     Ends with exit code 1 if a tolerance is broken or a run failed.
 
     Examples:
-
     trebucheck compare --out report
 
     trebucheck compare --models fixed --engines mujoco,pymunk --preset tuned --timestep 1e-3 --set l1=9.5
@@ -48,7 +48,7 @@ def compare_command(
     chosen = options.names(engines, "--engines") if engines else None
     refuse_unwritable(out)
     comparison = _with_progress(
-        machines, chosen, presets, timestep, duration, stop_law, Store(out / "trajectories", resume)
+        machines, chosen, presets, timestep, duration, stop_law, timeout, Store(out / "trajectories", resume)
     )
     _write(comparison, out)
     if not comparison.passed:
@@ -62,6 +62,7 @@ def _with_progress(
     timestep: float | None,
     duration: float | None,
     stop_law: str,
+    timeout: float,
     store: Store,
 ) -> Comparison:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -84,6 +85,7 @@ def _with_progress(
             timestep=timestep,
             duration=duration,
             stop_law=stop_law,
+            timeout=timeout,
             store=store,
             progress=show,
         )

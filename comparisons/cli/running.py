@@ -28,7 +28,6 @@ def run_command(
     """Simulate one machine with one engine; write its trajectory as NetCDF and print a summary.
 
     Examples:
-
     trebucheck run --engine mujoco --model rolling --timestep 5e-4 --duration 2.6 --out rolling.nc
 
     trebucheck run --engine pymunk --preset stock --option iterations=30

@@ -8,7 +8,6 @@ import re
 from pathlib import Path
 
 import pytest
-
 import trebucheck as tb
 from trebucheck.__main__ import main
 from trebucheck.comparisons.results import Results
@@ -62,7 +61,11 @@ def test_every_parameter_is_checked(name: str, value: str, capsys: pytest.Captur
     ],
 )
 def test_wrong_input_gets_a_sentence(
-    arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    arguments: list[str],
+    complaint: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert complaint in _refused(arguments, capsys)
@@ -79,7 +82,9 @@ def test_files_that_are_no_mechanism(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 @pytest.mark.parametrize("command", [["compare", "--engines", "reference"], ["run", "--engine", "reference"]])
-def test_a_folder_that_cannot_be_written(command: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written(
+    command: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("kept")
     assert str(blocked) in _refused([*command, "--out", str(blocked / "deeper")], capsys)
@@ -118,7 +123,9 @@ def test_help_shows_options(command: list[str], capsys: pytest.CaptureFixture[st
     assert main([*command, "--help"]) == 0
     shown = re.sub(r"\s+", " ", capsys.readouterr().out)
     assert "Usage: trebucheck" in shown
-    for option in {"compare": ("--models", "--set", "--out", "--resume"), "run": ("--option",)}.get("".join(command), ()):
+    for option in {"compare": ("--models", "--set", "--out", "--resume"), "run": ("--option",)}.get(
+        "".join(command), ()
+    ):
         assert option in shown
 
 
@@ -141,7 +148,7 @@ def test_compare_writes_all_and_ends_well(tmp_path: Path, capsys: pytest.Capture
 def test_a_broken_tolerance_is_exit_code_1(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from trebucheck.comparisons import tolerances  # noqa: PLC0415
+    from trebucheck.comparisons import tolerances
 
     strict = tolerances.Bar("reference", "stock", "energy_drift", 1e-15, 1.0, 0)
     monkeypatch.setattr(tolerances, "BARS", (strict,))
@@ -163,8 +170,10 @@ def test_run_writes_a_trajectory(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "launch speed" in capsys.readouterr().out
 
 
-def test_an_interrupt_is_exit_code_130(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    from trebucheck.comparisons import campaign  # noqa: PLC0415
+def test_an_interrupt_is_exit_code_130(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from trebucheck.comparisons import campaign
 
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt

@@ -8,11 +8,10 @@ from pathlib import Path
 
 import jsonschema
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-
 import trebucheck as tb
 from conftest import machine_parameters
+from hypothesis import given
+from hypothesis import strategies as st
 from trebucheck.models.schema import mechanism_schema
 
 FIELDS = list(tb.TrebuchetParameters.model_fields)
@@ -124,6 +123,7 @@ def _row(field: str, index: int, **changes: object) -> dict[str, object]:
         (_row("bodies", 1, name="ground"), "reserved"),
         (_row("joints", 1, parent="nothing"), "names the body 'nothing'"),
         (_row("joints", 0, parent="sling"), "must be listed before it"),
+        (_row("joints", 0, child="ground", parent="arm"), "has the ground as its child"),
         (_row("stops", 0, limit=0.5), "is closed, but its gap"),
         (_row("stops", 2, limit=0.0), "is open, but its gap"),
         (_row("stops", 0, sense=2), r"stops\.0\.sense = 2"),
@@ -152,7 +152,7 @@ def test_a_duration_is_positive(duration: object) -> None:
 
 
 def test_an_unknown_stop_law_is_refused() -> None:
-    with pytest.raises(tb.InputError, match="stop_law = 'sticky'.*release-once"):
+    with pytest.raises(tb.InputError, match=r"stop_law = 'sticky'.*release-once"):
         tb.Problem(tb.fixed(), stop_law="sticky")
 
 

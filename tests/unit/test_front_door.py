@@ -6,7 +6,6 @@ import subprocess
 import sys
 
 import pytest
-
 import trebucheck as tb
 
 ENGINE_LIBRARIES = ("mujoco", "pymunk", "exudyn")
@@ -77,7 +76,7 @@ def test_unknown_engines_presets_and_options_are_named() -> None:
 
 
 def test_steps_that_cannot_be_taken_are_refused() -> None:
-    with pytest.raises(tb.InputError, match="timestep = 0.5 s must not be longer than the duration"):
+    with pytest.raises(tb.InputError, match=r"timestep = 0\.5 s must not be longer than the duration"):
         tb.engine("reference", timestep=0.5).simulate(tb.Problem(tb.fixed(), duration=0.1))
     with pytest.raises(tb.InputError, match="steps of"):
         tb.engine("reference", timestep=1e-12).simulate(tb.Problem(tb.fixed(), duration=1.0))

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import jsonschema
 import numpy as np
-import pytest
-
 import plugins
+import pytest
 import trebucheck as tb
 from trebucheck.comparisons.campaign import Case, Comparison
 from trebucheck.comparisons.metrics import measure
@@ -58,7 +57,7 @@ def test_the_reference_is_no_distance_from_itself() -> None:
     [
         ("position_max", "projectile", lambda t: _moved(t, 3e-4, 4e-4), 5e-4),
         ("position_rms", "projectile", lambda t: _moved(t, 3e-4, 4e-4), 5e-4),
-        ("angle_max", "phi", lambda t: replace(t, q=t.q + [0, 2e-3, 0]), 2e-3),
+        ("angle_max", "phi", lambda t: replace(t, q=t.q + np.array([0, 2e-3, 0])), 2e-3),
         ("stop_torque_max", "hanger rest", lambda t: _twisted(t, 7.0), 7.0),
         ("release_time", "sling rest", lambda t: _later(t, 1e-4), 1e-4),
         ("energy_drift", None, lambda t: replace(t, kinetic_energy=t.kinetic_energy + 208.1015257), 1e-3),
@@ -74,7 +73,7 @@ def test_a_known_difference_is_measured(name: str, subject: str | None, change: 
 
 def _moved(trajectory: tb.Trajectory, dx: float, dy: float) -> tb.Trajectory:
     motion = trajectory.marker("projectile")
-    moved = replace(motion, position=motion.position + [dx, dy])
+    moved = replace(motion, position=motion.position + np.array([dx, dy]))
     return replace(trajectory, markers={**trajectory.markers, "projectile": moved})
 
 
@@ -92,7 +91,7 @@ def _later(trajectory: tb.Trajectory, by: float) -> tb.Trajectory:
 
 def _pulled(trajectory: tb.Trajectory, fx: float, fy: float) -> tb.Trajectory:
     forces = dict(trajectory.joint_reactions)
-    forces["fulcrum"] = forces["fulcrum"] + [fx, fy]
+    forces["fulcrum"] = forces["fulcrum"] + np.array([fx, fy])
     return replace(trajectory, joint_reactions=forces)
 
 
@@ -181,8 +180,16 @@ def test_a_crashing_engine_costs_its_row_only() -> None:
     assert failed.message == "crasher crashed: its process ended by itself."
 
 
+@pytest.mark.usefixtures("third_party")
+def test_an_engine_that_never_ends_costs_its_row_only() -> None:
+    comparison = _compare(engines=["sleeper", "reference"], isolate=True, timeout=3.0)
+    failed, fine = comparison.results.runs
+    assert (failed.outcome, fine.outcome) == (Outcome.FAILED, Outcome.OK)
+    assert failed.message == "sleeper did not finish within 3 s and was stopped."
+
+
 def test_an_engine_that_is_not_installed_is_said_and_no_disagreement(monkeypatch: pytest.MonkeyPatch) -> None:
-    from trebucheck.engines.registry import engine_class  # noqa: PLC0415
+    from trebucheck.engines.registry import engine_class
 
     monkeypatch.setattr(engine_class("mujoco"), "is_installed", classmethod(lambda cls: False))
     comparison = _compare(engines=["mujoco", "reference"])

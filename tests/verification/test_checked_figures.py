@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-
 import trebucheck as tb
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve

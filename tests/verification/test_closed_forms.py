@@ -6,11 +6,10 @@ import math
 
 import numpy as np
 import pytest
+import trebucheck as tb
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import ellipk
-
-import trebucheck as tb
 from trebucheck.reference.complementarity import solve_lcp
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
@@ -70,7 +69,7 @@ def test_an_inelastic_impact_takes_all_of_one_body_s_energy() -> None:
     """Dropped from level onto a stop straight below: impulse m l sqrt(2 g l), then at rest against the stop."""
     stop = tb.Stop(name="stop", body="bob", sense=-1, limit=-math.pi / 2, closed=False)
     solution = solve(tb.Problem(pendulum(0.0, (stop,)), duration=2.0, stop_law="unilateral"))
-    (time, impulses), = solution.impacts
+    ((time, impulses),) = solution.impacts
     fall = math.sqrt(2.0 / G) * float(ellipk(0.5))
     assert time == pytest.approx(fall, abs=1e-12)
     assert impulses["stop"] == pytest.approx(3.0 * 2.0 * math.sqrt(2 * G * 2.0), rel=1e-11)

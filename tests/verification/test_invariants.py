@@ -6,10 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given
-
 import trebucheck as tb
 from conftest import machine_parameters
+from hypothesis import given
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 

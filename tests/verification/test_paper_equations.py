@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-
 import trebucheck as tb
 from conftest import machine_parameters
+from hypothesis import given
+from hypothesis import strategies as st
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.paper import PaperEquations
 

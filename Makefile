@@ -1,0 +1,45 @@
+# make report   set up, compare all engines, write report/report.html
+# make test     set up, run the whole test suite
+# make quick    the fast tier: no engine simulates (under a minute)
+PYTHON ?= python3
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+SOURCES := $(shell git ls-files '*.py' 'models/mjcf' '*.json' '*.j2' 2>/dev/null) pyproject.toml
+OPEN   ?= $(shell command -v xdg-open || command -v open || echo true)
+
+.PHONY: report test quick lint types generated benchmark clean
+
+# The wheel is installed, not the checkout: that proves that it is complete, and is what type checkers resolve.
+$(VENV)/installed: $(SOURCES) constraints.txt
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt ".[test,lint]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps .
+	touch $@
+
+report: $(VENV)/installed
+	$(BIN)/trebucheck compare --out report
+	@test -n "$$CI$$SSH_CONNECTION" || $(OPEN) report/report.html >/dev/null 2>&1 || true
+
+test: $(VENV)/installed
+	$(BIN)/python -m pytest
+
+quick: $(VENV)/installed
+	$(BIN)/python -m pytest tests/unit tests/verification -k "not random and not slow" --exitfirst
+
+lint: $(VENV)/installed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(VENV)/installed
+	$(BIN)/pyright --pythonpath $(BIN)/python
+
+# Needs a Chromium for the picture.
+generated: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt kaleido
+	$(BIN)/python docs/generate.py
+
+benchmark: $(VENV)/installed
+	$(BIN)/python benchmarks/launch.py
+
+clean:
+	rm -rf $(VENV) build report *.egg-info

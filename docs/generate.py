@@ -1,0 +1,81 @@
+"""Write what the repository holds generated: schemas, the README's table and picture (`make generated`).
+
+The picture needs Chromium; the rest does not.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+from plotly.subplots import make_subplots
+
+import trebucheck as tb
+from trebucheck.comparisons import figures
+from trebucheck.comparisons.campaign import Comparison
+from trebucheck.comparisons.results import Results
+from trebucheck.comparisons.summary import COLUMNS, step
+from trebucheck.models.schema import mechanism_schema, schema_text
+
+ROOT = Path(__file__).parents[1]
+BLOCK = re.compile(r"(<!-- generated: agreement -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def agreement_table(comparison: Comparison) -> str:
+    """The README's tables, one a machine, in Markdown."""
+    parts: list[str] = []
+    for machine in comparison.results.machines:
+        titles = [f"{c.title} [{c.unit}]" if c.unit != "1" else c.title for c in COLUMNS]
+        parts += [f"**{machine.model.capitalize()} machine**", ""]
+        parts.append("| " + " | ".join(["engine", "step [s]", *titles]) + " |")
+        parts.append("|---" * (len(titles) + 2) + "|")
+        for run in comparison.results.runs:
+            if run.model == machine.model and run.engine != "reference":
+                cells = [column.cell(run).text for column in COLUMNS]
+                parts.append("| " + " | ".join([run.label, step(run), *cells]) + " |")
+        parts.append("")
+    return "\n".join(parts)
+
+
+def distance_picture(comparison: Comparison) -> object:
+    """Distance of the projectile from the reference over time, both machines."""
+    models = [machine.model for machine in comparison.results.machines]
+    figure = make_subplots(rows=1, cols=len(models), subplot_titles=models, shared_yaxes=True)
+    for column, machine in enumerate(comparison.results.machines, start=1):
+        own = {label: t for (name, label), t in comparison.trajectories.items() if name == machine.model}
+        solution = comparison.solutions[machine.model]
+        for run in figures.lines(solution, own, machine.compared_to):
+            if run.engine == "reference":
+                continue
+            apart = run.trajectory.marker("projectile").position - run.reference.marker("projectile").position
+            t, values = figures.thinned(run.trajectory.t, np.linalg.norm(apart, axis=1))
+            style = {"name": run.label, "line": run.style, "showlegend": column == 1}
+            figure.add_scatter(x=t, y=np.maximum(values, 1e-13), row=1, col=column, **style)
+    figure.update_yaxes(type="log", exponentformat="power", range=[-12, 0])
+    figure.update_yaxes(title="distance from the reference [m]", col=1)
+    figure.update_xaxes(title="t [s]")
+    figure.update_layout(template="plotly_white", legend={"orientation": "h", "y": -0.2}, margin={"t": 40, "r": 20})
+    return figure
+
+
+def write_schemas() -> None:
+    """The published JSON schemas."""
+    (ROOT / "models" / "schemas" / "mechanism.schema.json").write_text(mechanism_schema())
+    (ROOT / "comparisons" / "schemas" / "results.schema.json").write_text(schema_text(Results))
+
+
+def main() -> None:
+    """Rewrite all of it."""
+    write_schemas()
+    comparison = tb.compare()
+    readme = ROOT / "README.md"
+    text = BLOCK.sub(lambda match: match[1] + agreement_table(comparison) + match[2], readme.read_text())
+    readme.write_text(text)
+    pictures = ROOT / "docs" / "pictures"
+    pictures.mkdir(exist_ok=True)
+    distance_picture(comparison).write_image(pictures / "distance.svg", width=1000, height=430)
+
+
+if __name__ == "__main__":
+    main()

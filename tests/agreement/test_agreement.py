@@ -1,0 +1,161 @@
+"""Engines against the reference and each other, through the public surface, with the suite's own tolerances."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from conftest import machine_parameters
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from trebucheck.comparisons.campaign import Comparison
+from trebucheck.comparisons.results import Outcome, Run
+from trebucheck.comparisons.summary import complaints
+from trebucheck.comparisons.tolerances import BARS
+
+PRESETS = ("tuned", "stock")
+MODELS = ("fixed", "rolling")
+
+
+@cache
+def table_one(engine_name: str) -> Comparison:
+    """Table I, both machines and presets, one engine; made once for all tests that read it."""
+    return tb.compare(MODELS, [engine_name], PRESETS, isolate=False)
+
+
+def _run(engine_name: str, model: str, preset: str) -> Run:
+    runs = table_one(engine_name).results.runs
+    return next(run for run in runs if (run.model, run.preset) == (model, preset))
+
+
+def _trajectory(engine_name: str, model: str, preset: str) -> tb.Trajectory:
+    return table_one(engine_name).trajectories[model, f"{engine_name} {preset}"]
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("model", MODELS)
+def test_table_one_agrees(engine_name: str, model: str, preset: str) -> None:
+    run = _run(engine_name, model, preset)
+    assert run.outcome is Outcome.OK, "\n".join([run.message or "", *complaints(run)])
+
+
+@pytest.mark.parametrize("bar", BARS, ids=lambda bar: f"{bar.engine}-{bar.preset}-{bar.metric}-{bar.timestep:g}")
+def test_no_stated_need_is_idle(engine_name: str, bar: object) -> None:
+    """Every bar judges some figure: one that matches nothing would only look like a check."""
+    if bar.engine != engine_name:  # type: ignore[attr-defined]
+        pytest.skip("another engine's need")
+    found = [
+        metric
+        for run in table_one(engine_name).results.runs
+        for metric in run.metrics
+        if run.preset == bar.preset and metric.name == bar.metric  # type: ignore[attr-defined]
+    ]
+    assert any(metric.holds is not None for metric in found)
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("model", MODELS)
+def test_order_of_releases(engine_name: str, model: str, preset: str) -> None:
+    trajectory = _trajectory(engine_name, model, preset)
+    hanger, sling = (trajectory.release_time(name) for name in ("hanger rest", "sling rest"))
+    assert hanger is not None and sling is not None
+    assert 0.5 < hanger < sling < 2.0
+    assert trajectory.release_time("arm stop") is None
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("model", MODELS)
+def test_a_trajectory_is_whole(engine_name: str, model: str, preset: str) -> None:
+    trajectory = _trajectory(engine_name, model, preset)
+    mechanism, n = trajectory.mechanism, len(trajectory.t)
+    assert trajectory.t[0] == 0.0
+    assert np.all(np.diff(trajectory.t) > 0)
+    assert trajectory.t[-1] == pytest.approx(trajectory.provenance.duration, abs=1e-9)
+    assert trajectory.q.shape == trajectory.u.shape == (n, len(mechanism.coordinates))
+    assert trajectory.q[0] == pytest.approx(mechanism.start, abs=1e-12)
+    assert trajectory.u[0] == pytest.approx(0.0, abs=1e-12)
+    assert set(trajectory.markers) == {marker.name for marker in mechanism.markers}
+    assert set(trajectory.stop_torques) == set(trajectory.release_times) == {stop.name for stop in mechanism.stops}
+    for motion in trajectory.markers.values():
+        assert motion.position.shape == motion.velocity.shape == (n, 2)
+        assert np.isfinite(motion.position).all() and np.isfinite(motion.velocity).all()
+    for torque in trajectory.stop_torques.values():
+        assert torque.shape == (n,)
+        assert torque.min() >= 0.0
+    assert np.isfinite(trajectory.total_energy).all()
+    assert trajectory.provenance.steps > 0
+
+
+def test_capabilities_are_what_is_delivered(engine_name: str) -> None:
+    capabilities = tb.engines()[engine_name].capabilities
+    trajectory = _trajectory(engine_name, "fixed", "tuned")
+    joints = {joint.name for joint in trajectory.mechanism.joints}
+    assert set(trajectory.joint_reactions) == (joints if capabilities.joint_reactions else set())
+    assert set(trajectory.joint_gaps) == (joints if capabilities.joint_gaps else set())
+    for law in tb.StopLaw:
+        problem = tb.Problem(tb.fixed(), duration=0.05, stop_law=law)
+        if law in capabilities.stop_laws:
+            assert tb.engine(engine_name).simulate(problem).provenance.stop_law == law.value
+        else:
+            with pytest.raises(tb.UnsupportedProblemError, match=law.value):
+                tb.engine(engine_name).simulate(problem)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_joint_forces_are_near(engine_name: str, model: str) -> None:
+    """The forces follow from the accelerations, one order rougher than the positions: a thousandth will do."""
+    run = _run(engine_name, model, "tuned")
+    for joint in ("fulcrum", "sling pin", "hanger pin"):
+        metric = run.metric("joint_reaction_relative", joint)
+        if tb.engines()[engine_name].capabilities.joint_reactions:
+            assert metric is not None and metric.value is not None
+            assert metric.value < 1e-3, metric
+
+
+@settings(max_examples=5)
+@given(parameters=machine_parameters(), model=st.sampled_from(MODELS))
+def test_random_machines_agree(engine_name: str, parameters: tb.TrebuchetParameters, model: str) -> None:
+    comparison = tb.compare([model], [engine_name], ["tuned"], parameters=parameters, isolate=False)
+    (run,) = comparison.results.runs
+    assert run.outcome is Outcome.OK, "\n".join([run.message or "", *complaints(run)])
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_rest_that_cannot_push_is_gone_at_the_start(engine_name: str, model: str) -> None:
+    """With so short a counterweight side the hanger's rest would have to pull: it is gone at t = 0 for everyone."""
+    parameters = tb.TrebuchetParameters(l1=12.0, l2=1.0, alpha0=-1.6)
+    machine = {"fixed": tb.fixed, "rolling": tb.rolling}[model](parameters)
+    problem = tb.Problem(machine, duration=1.0)
+    expected = tb.engine("reference").simulate(problem).release_times
+    found = tb.engine(engine_name).simulate(problem).release_times
+    assert found["hanger rest"] == expected["hanger rest"] == 0.0
+    assert (found["sling rest"] is None) == (expected["sling rest"] is None)
+
+
+def test_the_same_run_twice_is_the_same(engine_name: str) -> None:
+    problem = tb.Problem(tb.rolling(), duration=1.0)
+    first, second = (tb.engine(engine_name).simulate(problem) for _ in range(2))
+    assert np.array_equal(first.q, second.q)
+    assert first.release_times == second.release_times
+
+
+def test_nothing_is_printed(engine_name: str, capfd: pytest.CaptureFixture[str]) -> None:
+    tb.engine(engine_name).simulate(tb.Problem(tb.fixed(), duration=0.05))
+    assert capfd.readouterr() == ("", "")
+
+
+def test_every_pair_agrees_as_well_as_its_two_tolerances_allow() -> None:
+    installed = [name for name, status in tb.engines().items() if status.installed]
+    results = tb.compare(MODELS, installed, ["tuned"], isolate=False).results
+    assert len(results.pairs) == 2 * len(installed) * (len(installed) - 1) // 2
+    for pair in results.pairs:
+        allowed = 0.0
+        for label in (pair.first, pair.second):
+            run = next(run for run in results.runs if (run.model, run.label) == (pair.model, label))
+            metric = run.metric("position_max", "projectile")
+            assert metric is not None
+            allowed += metric.tolerance or 0.0
+        assert pair.position_max is not None
+        assert pair.position_max <= allowed, pair

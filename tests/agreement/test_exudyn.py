@@ -1,0 +1,301 @@
+"""What is particular to the Exudyn engine: each trap it avoids, its order, its releases, its limits."""
+
+from __future__ import annotations
+
+import cmath
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from trebucheck.engines.exudyn_ import ExudynEngine
+from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
+from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, SlotJoint, Stop
+from trebucheck.models.parameters import TrebuchetParameters
+from trebucheck.models.problem import Problem, StopLaw
+from trebucheck.models.trajectory import Trajectory
+from trebucheck.models.trebuchet import HANGER_REST, PROJECTILE, SLING_REST, fixed, rolling
+from trebucheck.reference.solution import Solution
+from trebucheck.reference.solver import solve
+
+pytest.importorskip("exudyn")
+
+MACHINES = {"fixed": fixed(), "rolling": rolling()}
+
+
+@pytest.fixture(scope="module", params=MACHINES)
+def reference(request: pytest.FixtureRequest) -> Solution:
+    """Reference motion of Table I, up to the launch."""
+    solution = solve(Problem(MACHINES[request.param], 2.8))
+    assert solution.launch is not None
+    return solve(Problem(MACHINES[request.param], solution.launch.time))
+
+
+def position_error(run: Trajectory, reference: Solution) -> float:
+    """Largest distance of the projectile from the reference [m]."""
+    exact = reference.trajectory(run.t)
+    return float(np.linalg.norm(run.marker(PROJECTILE).position - exact.marker(PROJECTILE).position, axis=1).max())
+
+
+def double_pendulum(**changes: object) -> Mechanism:
+    """Two rods with a stop on each, on a slot that is tilted, with no point where it would be easy."""
+    fields: dict[str, object] = {
+        "name": "double",
+        "bodies": (
+            Body(name="upper", angle="a", mass=2, centre=(0.4, 0.2), inertia=0.3),
+            Body(name="lower", angle="b", mass=1, centre=(0.1, -0.5), inertia=0),
+        ),
+        "joints": (
+            SlotJoint(
+                name="slot",
+                child="upper",
+                parent_point=(1, 2),
+                child_point=(-0.1, 0.3),
+                axis=(0.6, 0.8),
+                coordinate="s",
+            ),
+            PinJoint(name="pin", parent="upper", child="lower", parent_point=(0.9, 0.1), child_point=(0.05, 0.1)),
+        ),
+        "stops": (
+            Stop(name="one", body="upper", sense=-1, limit=-0.5, closed=True),
+            Stop(name="two", body="lower", relative_to="upper", sense=1, limit=-0.3, closed=True),
+        ),
+        "markers": (Marker(name="tip", body="lower", point=(0.5, 0.2)),),
+        "gravity": 9.81,
+        "start": (0.5, 0.2, 0.6),
+    }
+    return Mechanism(**(fields | changes))
+
+
+def four_bar() -> Mechanism:
+    """A loop of four pins; the coupler's and the rocker's angles close it."""
+    crank = -1.2
+    # The two circles around the crank's end and the rocker's foot meet where the coupler meets the rocker.
+    end, foot, coupler, rocker = cmath.exp(-1j * crank), complex(3, 0), 2.5, 2.0
+    span = foot - end
+    along = (coupler**2 - rocker**2 + abs(span) ** 2) / (2 * abs(span))
+    meeting = end + span / abs(span) * complex(along, math.sqrt(coupler**2 - along**2))
+    start = (crank, -cmath.phase(meeting - end), -cmath.phase(meeting - foot))
+    return Mechanism(
+        name="four-bar",
+        bodies=(
+            Body(name="crank", angle="a", mass=1, centre=(0.5, 0), inertia=0.1),
+            Body(name="coupler", angle="b", mass=2, centre=(1.2, 0.1), inertia=0.5),
+            Body(name="rocker", angle="c", mass=1.5, centre=(1, 0), inertia=0.4),
+        ),
+        joints=(
+            PinJoint(name="A", parent=GROUND, child="crank", parent_point=(0, 0), child_point=(0, 0)),
+            PinJoint(name="B", parent="crank", child="coupler", parent_point=(1, 0), child_point=(0, 0)),
+            PinJoint(name="D", parent=GROUND, child="rocker", parent_point=(3, 0), child_point=(0, 0)),
+            PinJoint(name="C", parent="coupler", child="rocker", parent_point=(coupler, 0), child_point=(rocker, 0)),
+        ),
+        gravity=9.81,
+        start=start,
+    )
+
+
+def test_tuned_at_its_own_step_stays_within_the_bars(reference: Solution) -> None:
+    run = ExudynEngine.tuned().simulate(reference.problem)
+    exact = reference.trajectory(run.t)
+    assert position_error(run, reference) <= 1e-5
+    for name in (HANGER_REST, SLING_REST):
+        assert np.abs(run.stop_torque(name) - exact.stop_torque(name)).max() <= 2e-3
+        # Second order, found 2e-10 to 4e-10 s; the bar is 1e-7.
+        assert run.release_time(name) == pytest.approx(exact.release_time(name), abs=1e-8)
+    energy = exact.total_energy[0]
+    assert np.abs(run.total_energy - energy).max() <= 1e-6 * abs(energy)
+    for name, force in run.joint_reactions.items():
+        scale = np.abs(exact.joint_reactions[name]).max()
+        assert np.abs(force - exact.joint_reactions[name]).max() <= 3e-6 * scale  # found 1.3e-6 = 130 h^2
+
+
+def test_the_order_is_two(reference: Solution) -> None:
+    steps = np.array([4e-3, 2e-3, 1e-3, 5e-4])
+    runs = [ExudynEngine(timestep=step).simulate(reference.problem) for step in steps]
+    errors = [position_error(run, reference) for run in runs]
+    gaps = [max(gap.max() for gap in run.joint_gaps.values()) for run in runs]
+    for series in (errors, gaps):
+        assert np.polyfit(np.log(steps), np.log(series), 1)[0] == pytest.approx(2.0, abs=0.1)
+
+
+def test_release_times_are_of_order_two_too(reference: Solution) -> None:
+    coarse, fine = (ExudynEngine(timestep=step).simulate(reference.problem) for step in (4e-3, 1e-3))
+    for name in (HANGER_REST, SLING_REST):
+        exact = reference.release_times[name]
+        assert exact is not None
+        errors = [abs((run.release_time(name) or 0.0) - exact) for run in (coarse, fine)]
+        assert errors[0] / errors[1] == pytest.approx(16, rel=0.3)
+
+
+def test_stop_torques_are_right_from_the_first_sample(reference: Solution) -> None:
+    run = ExudynEngine(timestep=1e-2).simulate(reference.problem)
+    exact = reference.trajectory(np.zeros(1))
+    for name in (HANGER_REST, SLING_REST):
+        # Rounding of two extrapolated solves; no trace of the coarse step.
+        assert run.stop_torque(name)[0] == pytest.approx(exact.stop_torque(name)[0], rel=1e-10)
+    for name, force in run.joint_reactions.items():
+        assert force[0] == pytest.approx(exact.joint_reactions[name][0], rel=1e-9, abs=1e-6)
+
+
+def test_a_torque_pushes_until_its_release_and_is_zero_from_there(reference: Solution) -> None:
+    run = ExudynEngine(timestep=1e-3).simulate(reference.problem)
+    for name in (HANGER_REST, SLING_REST):
+        release, torque = run.release_time(name), run.stop_torque(name)
+        assert release is not None
+        assert release in run.t
+        assert (torque[run.t < release] > 0).all()
+        assert (torque[run.t >= release] == 0).all()
+    assert run.release_time("arm stop") is None
+    assert not run.stop_torque("arm stop").any()
+
+
+def test_times_are_equal_steps_that_end_at_the_end(reference: Solution) -> None:
+    run = ExudynEngine(timestep=1e-3).simulate(reference.problem)
+    steps = np.diff(run.t)
+    assert run.t[0] == 0.0
+    assert run.t[-1] == reference.problem.duration
+    # Only the two steps onto each of the two releases may be shorter, and not below half a step.
+    assert np.sum(steps < 0.999e-3) <= 4
+    assert steps.min() >= 0.5e-3 * (1 - 1e-9)
+    assert steps.max() <= 1e-3 * (1 + 1e-9)
+
+
+def test_stock_opens_stops_at_the_end_of_a_step() -> None:
+    engine = ExudynEngine.stock()
+    run = engine.simulate(Problem(fixed(), 1.5))
+    for name in (HANGER_REST, SLING_REST):
+        release = run.release_time(name)
+        assert release is not None
+        assert release / engine.timestep == pytest.approx(round(release / engine.timestep), abs=1e-6)
+    exact = {HANGER_REST: 1.194940568904336, SLING_REST: 1.437345284636296}  # PHYSICS.md
+    assert all(abs((run.release_time(name) or 0) - time) <= 2 * engine.timestep for name, time in exact.items())
+    # Index 3 holds the joints' positions, to Newton's tolerance, where index 2 lets them drift by 1e-5 m.
+    assert max(gap.max() for gap in run.joint_gaps.values()) <= 1e-9
+
+
+def test_a_stop_that_would_have_to_pull_is_gone_at_the_start() -> None:
+    # Beyond l1 = 12.7255 m the hanger's rest would have to pull (PHYSICS.md); the sling's then pushes by itself.
+    problem = Problem(fixed(TrebuchetParameters.with_beam(12.8)), 0.5)
+    run, exact = ExudynEngine(timestep=1e-3).simulate(problem), solve(problem)
+    assert run.release_time(HANGER_REST) == 0.0
+    assert run.release_time(SLING_REST) == exact.release_times[SLING_REST]
+    torque = exact.trajectory(np.zeros(1)).stop_torque(SLING_REST)[0]
+    assert run.stop_torque(SLING_REST)[0] == pytest.approx(torque, rel=1e-9)
+    assert not run.stop_torque(HANGER_REST).any()
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_all_stops_are_decided_at_once(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    a, b = rng.uniform(-3, 3, 2)
+    senses = rng.choice([-1, 1], 2)
+    stops = (
+        Stop(name="one", body="upper", sense=int(senses[0]), limit=senses[0] * a, closed=True),
+        Stop(
+            name="two", body="lower", relative_to="upper", sense=int(senses[1]), limit=senses[1] * (b - a), closed=True
+        ),
+    )
+    problem = Problem(double_pendulum(stops=stops, start=(a, b, 0.6)), 0.01)
+    run, exact = ExudynEngine(timestep=1e-3).simulate(problem), solve(problem)
+    assert run.release_times == exact.release_times
+    start = exact.trajectory(np.zeros(1))
+    for stop in stops:
+        assert run.stop_torque(stop.name)[0] == pytest.approx(start.stop_torque(stop.name)[0], rel=1e-8, abs=1e-9)
+
+
+def test_a_tilted_slot_does_not_turn_with_its_body_and_speeds_may_start_anywhere() -> None:
+    problem = Problem(double_pendulum(stops=(), start_speeds=(1.0, -2.0, 0.3)), 1.0)
+    runs = [ExudynEngine(timestep=step).simulate(problem) for step in (2e-3, 1e-3)]
+    errors: list[list[float]] = []
+    for run in runs:
+        exact = solve(problem).trajectory(run.t)
+        reactions = [np.abs(run.joint_reactions[n] - exact.joint_reactions[n]).max() for n in ("slot", "pin")]
+        speeds = np.abs(run.marker("tip").velocity - exact.marker("tip").velocity).max()
+        errors.append([*reactions, speeds, np.abs(run.q - exact.q).max(), np.abs(run.u - exact.u).max()])
+    assert max(errors[1]) <= 1e-2  # of forces up to 1e2 N at h = 1e-3
+    assert np.divide(*errors) == pytest.approx(4.0, rel=0.1)  # order two, so nothing is merely nearly right
+
+
+def test_loops_are_joints_like_any_other() -> None:
+    problem = Problem(four_bar(), 1.0)
+    errors: list[list[float]] = []
+    for step in (2e-3, 1e-3):
+        run = ExudynEngine(timestep=step).simulate(problem)
+        exact = solve(problem).trajectory(run.t)
+        errors.append(
+            [np.abs(run.q - exact.q).max(), np.abs(run.joint_reactions["C"] - exact.joint_reactions["C"]).max()]
+        )
+        assert set(run.joint_gaps) == {"A", "B", "C", "D"}
+    assert np.divide(*errors) == pytest.approx(4.0, rel=0.1)
+
+
+def test_nothing_is_printed_and_no_file_is_written(
+    capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    exudyn = pytest.importorskip("exudyn")
+    monkeypatch.chdir(tmp_path)
+    before = exudyn.config.printToConsole
+    for preset in (ExudynEngine.tuned, ExudynEngine.stock):
+        preset(timestep=1e-2).simulate(Problem(fixed(), 1.6))
+    with pytest.raises(SimulationError):
+        _hopeless().simulate(Problem(fixed(), 0.1))
+    assert capfd.readouterr() == ("", "")
+    assert not list(tmp_path.iterdir())
+    assert exudyn.config.printToConsole == before
+
+
+def _hopeless() -> ExudynEngine:
+    return ExudynEngine(timestep=1e-2, newton_relative=1e-300, newton_absolute=1e-300)
+
+
+def test_a_failed_step_is_one_sentence() -> None:
+    with pytest.raises(
+        SimulationError, match=r"^exudyn's trapezoidal-index-2 solver gave up after t = 0 s of 0\.1 s; .*\.$"
+    ):
+        _hopeless().simulate(Problem(fixed(), 0.1))
+
+
+def test_redundant_joints_are_refused() -> None:
+    mechanism = double_pendulum(stops=())
+    twice = mechanism.joints[1].model_copy(update={"name": "again"})
+    with pytest.raises(SimulationError, match="redundant"):
+        ExudynEngine().simulate(Problem(mechanism.model_copy(update={"joints": (*mechanism.joints, twice)}), 0.1))
+
+
+def test_a_second_run_gives_the_same_bits() -> None:
+    first, second = (ExudynEngine(timestep=1e-2).simulate(Problem(rolling(), 2.0)) for _ in range(2))
+    assert np.array_equal(first.q, second.q)
+    assert np.array_equal(first.stop_torque(SLING_REST), second.stop_torque(SLING_REST))
+
+
+def test_a_closed_stop_whose_gap_moves_is_refused() -> None:
+    mechanism = double_pendulum(start_speeds=(0.0, 0.5, 0.0))
+    with pytest.raises(UnsupportedProblemError, match="'two' closed while its gap changes"):
+        ExudynEngine().simulate(Problem(mechanism, 0.1))
+
+
+def test_the_unilateral_law_is_refused() -> None:
+    with pytest.raises(UnsupportedProblemError, match="release-once"):
+        ExudynEngine().simulate(Problem(fixed(), 0.1, stop_law=StopLaw.UNILATERAL))
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("integrator", "rk4"),
+        ("spectral_radius", 1.0),
+        ("newton_relative", 0.0),
+        ("newton_absolute", 1.0),
+        ("step", 1e-3),
+    ],
+)
+def test_a_wrong_option_is_named(option: str, value: object) -> None:
+    with pytest.raises(InputError, match=option):
+        ExudynEngine(**{option: value})
+
+
+def test_the_class_does_not_load_exudyn() -> None:
+    code = "import sys; from trebucheck.engines.exudyn_ import ExudynEngine as E; E.version(); E.is_installed(); E()"
+    subprocess.run([sys.executable, "-c", f"{code}; assert 'exudyn' not in sys.modules"], check=True, cwd="/")

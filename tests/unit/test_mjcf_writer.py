@@ -1,0 +1,191 @@
+"""MJCF written from a mechanism: the committed files, exact floats, stops as limits, nothing half-written."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+from trebucheck.models import mjcf_writer
+from trebucheck.models.errors import InputError, UnsupportedProblemError
+from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, SlotJoint, Stop
+from trebucheck.models.mjcf_writer import FAR, MODEL_FILE, SCENE_FILE, mjcf, scene, write_model_folder
+from trebucheck.models.parameters import TrebuchetParameters
+from trebucheck.models.trebuchet import fixed, rolling
+
+MACHINES = {"fixed": fixed, "rolling": rolling}
+machines = pytest.mark.parametrize("name", MACHINES)
+
+
+def committed(name: str) -> Path:
+    return Path(str(files("trebucheck.models"))) / "mjcf" / name
+
+
+def chain(stops: tuple[Stop, ...], **changes: object) -> Mechanism:
+    """Two pinned bodies at 0.3 and 0.5 rad."""
+    fields: dict[str, object] = {
+        "name": "chain",
+        "bodies": (
+            Body(name="upper", angle="a", mass=1, centre=(0.5, 0.1), inertia=0.1),
+            Body(name="lower", angle="b", mass=2, centre=(0.4, -0.5), inertia=0.2),
+        ),
+        "joints": (
+            PinJoint(name="hook", parent=GROUND, child="upper", parent_point=(0.3, 2), child_point=(0.1, 0)),
+            PinJoint(name="pin", parent="upper", child="lower", parent_point=(1, 0), child_point=(0, 0.1)),
+        ),
+        "stops": stops,
+        "markers": (Marker(name="tip", body="lower", point=(0.1, -1.5)), Marker(name="peg", body=GROUND, point=(1, 2))),
+        "gravity": 9.81,
+        "start": (0.3, 0.5),
+    }
+    return Mechanism(**(fields | changes))
+
+
+def parsed(mechanism: Mechanism) -> ET.Element:
+    return ET.fromstring(mjcf(mechanism))
+
+
+def limit_of(root: ET.Element, tag: str, name: str) -> tuple[float, float]:
+    found = next(element for element in root.iter(tag) if element.get("name") == name)
+    low, high = (float(word) for word in found.attrib["range"].split())
+    return low, high
+
+
+@machines
+def test_the_committed_files_are_what_the_writer_writes(name: str, tmp_path: Path) -> None:
+    for path in write_model_folder(MACHINES[name](), tmp_path):
+        assert path.read_bytes() == (committed(name) / path.name).read_bytes()
+
+
+@machines
+def test_a_folder_is_complete(name: str) -> None:
+    present = {path.name for path in committed(name).iterdir()}
+    assert {"README.md", "LICENSE", "CHANGELOG.md", MODEL_FILE, SCENE_FILE} <= present
+    assert (committed(name) / "LICENSE").read_text().startswith("MIT License")
+    assert (committed(name) / "trebuchet.png").stat().st_size < 100_000
+
+
+def test_floats_read_back_to_the_same_bits() -> None:
+    p = TrebuchetParameters(l1=9.1 + 1 / 3, m_b=math.pi * 20, r=math.sqrt(30), theta0=0.1, alpha0=-0.7)
+    numbers = {
+        float(word) for e in parsed(fixed(p)).iter() for v in e.attrib.values() for word in v.split() if _real(word)
+    }
+    assert {p.l1, -p.l2, p.m_b, p.r, p.h, p.theta0, p.phi0 - p.theta0, p.alpha0 - p.theta0, -p.g} <= numbers
+
+
+def _real(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+@machines
+def test_a_closed_stop_starts_exactly_at_its_limit(name: str) -> None:
+    # 0.1 + 0.2 style angles: the differences of the angles are rounded, the limits must not be.
+    root = parsed(MACHINES[name](TrebuchetParameters(theta0=0.1, phi0=math.pi + 0.3, alpha0=-0.7)))
+    assert limit_of(root, "joint", "hanger pin") == (-FAR, 0.0)
+    assert limit_of(root, "joint", "sling pin") == (0.0, FAR)
+    assert limit_of(root, "joint", "fulcrum") == (-FAR, 3 * math.pi / 2 - 0.1)
+
+
+def test_two_stops_share_the_two_ends_of_a_joint() -> None:
+    low = Stop(name="low", body="lower", relative_to="upper", sense=1, limit=0.5 - 0.3, closed=True)
+    high = Stop(name="high", body="lower", relative_to="upper", sense=-1, limit=-1.2, closed=False)
+    root = parsed(chain((low, high)))
+    assert limit_of(root, "joint", "pin") == (0.0, pytest.approx(1.0, abs=1e-15))
+    assert root.find("tendon") is None
+
+
+def test_stops_that_no_joint_can_hold_become_tendons() -> None:
+    on_ground = Stop(name="level", body="lower", sense=1, limit=0.4, closed=False)
+    first = Stop(name="first", body="upper", sense=1, limit=0.3, closed=True)
+    second = Stop(name="second", body="upper", sense=1, limit=0.2, closed=False)
+    clamp = Stop(name="clamp", body="upper", sense=-1, limit=-0.3, closed=True)
+    root = parsed(chain((on_ground, first, second, clamp)))
+    assert {e.get("name") for e in root.iter("fixed")} == {"level", "second", "clamp"}
+    assert limit_of(root, "fixed", "level") == (pytest.approx(-0.1, abs=1e-15), FAR)
+    level = next(e for e in root.iter("fixed") if e.get("name") == "level")
+    assert {(e.get("joint"), e.get("coef")) for e in level} == {("hook", "1"), ("pin", "1")}
+    assert limit_of(root, "joint", "hook") == (0.0, FAR)
+    assert limit_of(root, "fixed", "clamp") == (-FAR, 0.0)
+
+
+def test_a_stop_between_branches_counts_both_ways() -> None:
+    twin = Body(name="twin", angle="c", mass=1, centre=(1, 0), inertia=0.1)
+    joint = PinJoint(name="twin pin", parent="upper", child="twin", parent_point=(1, 0), child_point=(0, 0))
+    stop = Stop(name="between", body="lower", relative_to="twin", sense=1, limit=0.0, closed=False)
+    base = chain(())
+    root = parsed(chain((stop,), bodies=(*base.bodies, twin), joints=(*base.joints, joint), start=(0.3, 0.5, 0.4)))
+    assert {(e.get("joint"), e.get("coef")) for e in root.iter("fixed").__next__()} == {
+        ("pin", "1"),
+        ("twin pin", "-1"),
+    }
+
+
+def test_start_speeds_are_relative_and_slides_come_first() -> None:
+    slot = SlotJoint(
+        name="hook", child="upper", parent_point=(0.3, 2), child_point=(0.1, 0), axis=(0.8, 0.6), coordinate="s"
+    )
+    root = parsed(chain((), joints=(slot, chain(()).joints[1]), start=(0.3, 0.5, 0.7), start_speeds=(1.0, 3.0, 0.25)))
+    key = next(root.iter("key"))
+    assert key.get("qvel") == "0.25 1 2"
+    axis = next(e for e in root.iter("joint") if e.get("name") == "hook/slide").attrib["axis"]
+    # The axis in the frame of a body turned clockwise by 0.3 rad, where MuJoCo wants it.
+    assert [float(x) for x in axis.split()] == pytest.approx(
+        [0.8 * math.cos(0.3) - 0.6 * math.sin(0.3), 0.0, 0.8 * math.sin(0.3) + 0.6 * math.cos(0.3)], abs=1e-15
+    )
+
+
+@machines
+def test_nothing_drawn_has_mass_or_touches(name: str) -> None:
+    root = parsed(MACHINES[name]())
+    default = root.find("default/geom")
+    assert default is not None
+    assert (default.get("mass"), default.get("contype"), default.get("conaffinity")) == ("0", "0", "0")
+    assert all("mass" not in geom.attrib for geom in root.find("worldbody").iter("geom"))  # type: ignore[union-attr]
+    floor = next(ET.fromstring(scene(MACHINES[name]())).iter("geom"))
+    assert (floor.get("contype"), floor.get("conaffinity")) == ("0", "0")
+
+
+def test_what_cannot_be_written_says_so() -> None:
+    closing = PinJoint(name="loop pin", parent=GROUND, child="lower", parent_point=(1, 1), child_point=(0, 0))
+    with pytest.raises(UnsupportedProblemError, match="loop pin"):
+        mjcf(chain((), joints=(*chain(()).joints, closing)))
+    itself = Stop(name="itself", body="upper", relative_to="upper", sense=1, limit=-1.0, closed=False)
+    with pytest.raises(UnsupportedProblemError, match="itself"):
+        mjcf(chain((itself,)))
+
+
+@pytest.mark.parametrize("timestep", [0.0, -1e-3, math.nan, math.inf])
+def test_a_time_step_must_be_one(timestep: float) -> None:
+    with pytest.raises(InputError, match="timestep"):
+        mjcf(fixed(), timestep)
+
+
+def test_the_softness_follows_the_time_step() -> None:
+    default = ET.fromstring(mjcf(fixed(), 0.25)).find("default/joint")
+    assert default is not None and default.get("solreflimit") == "0.5 1"
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("a file")
+    with pytest.raises(InputError, match="taken"):
+        write_model_folder(fixed(), tmp_path / "taken")
+
+
+def test_an_interrupted_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_model_folder(fixed(), tmp_path)
+    before = (tmp_path / MODEL_FILE).read_bytes()
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(mjcf_writer.Path, "replace", full)
+    with pytest.raises(InputError, match="No space left"):
+        write_model_folder(rolling(), tmp_path)
+    assert (tmp_path / MODEL_FILE).read_bytes() == before
+    assert {path.name for path in tmp_path.iterdir()} == {MODEL_FILE, SCENE_FILE}
