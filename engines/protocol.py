@@ -8,6 +8,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 
 import numpy as np
@@ -80,6 +81,15 @@ class Recording:
     steps: int = 0
 
 
+@cache
+def _version_of(package: str) -> str:
+    """Read once: a distribution's metadata takes milliseconds to parse, as long as a short run."""
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"
+
+
 class BuiltinEngine(Spec, ABC):
     """An engine of this package: its fields are its numerical options, its defaults are the tuned preset.
 
@@ -122,10 +132,7 @@ class BuiltinEngine(Spec, ABC):
     @classmethod
     def version(cls) -> str:
         """Version of the engine's package; 'not installed' if there is none."""
-        try:
-            return importlib.metadata.version(cls.package)
-        except importlib.metadata.PackageNotFoundError:
-            return "not installed"
+        return _version_of(cls.package)
 
     def simulate(self, problem: Problem) -> Trajectory:
         """Move the mechanism from its start.

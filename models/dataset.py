@@ -136,4 +136,4 @@ def load(path: str | Path) -> Trajectory:
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     except (OSError, KeyError, ValueError, TypeError) as error:
-        raise InputError(f"{path} is not a trajectory file: {cast(object, error)}.") from None
+        raise InputError(f"{path} is not a trajectory file: {cast('object', error)}.") from None

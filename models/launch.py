@@ -52,9 +52,7 @@ def launch_on(velocity_at: Callable[[float], FloatArray], t0: float, t1: float, 
     return Launch(time, math.hypot(vx, vy), (vx, vy))
 
 
-def locate_launch(
-    t: FloatArray, velocity: FloatArray, angle: float | None = None, after: float = 0.0
-) -> Launch | None:
+def locate_launch(t: FloatArray, velocity: FloatArray, angle: float | None = None, after: float = 0.0) -> Launch | None:
     """Launch from samples, by the polynomial through the eight samples around the crossing.
 
     Args:

@@ -129,7 +129,7 @@ class Trajectory:
 
     def to_dataset(self) -> xr.Dataset:
         """All of it as a labelled dataset with units; see :mod:`.dataset` for files."""
-        from .dataset import to_dataset  # noqa: PLC0415  (xarray takes a third of a second to import)
+        from .dataset import to_dataset  # xarray takes a third of a second to import
 
         return to_dataset(self)
 

@@ -34,9 +34,7 @@ def rolling(parameters: TrebuchetParameters | None = None) -> Mechanism:
     return _whipper("rolling", p, slot, start=(p.theta0, p.phi0, p.alpha0, 0.0))
 
 
-def _whipper(
-    name: str, p: TrebuchetParameters, fulcrum: PinJoint | SlotJoint, start: tuple[float, ...]
-) -> Mechanism:
+def _whipper(name: str, p: TrebuchetParameters, fulcrum: PinJoint | SlotJoint, start: tuple[float, ...]) -> Mechanism:
     beam = p.l1 + p.l2
     arm = Body(name="arm", angle="theta", mass=p.m_a, centre=((p.l1 - p.l2) / 2, 0), inertia=p.m_a * beam**2 / 12)
     sling = Body(name="sling", angle="phi", mass=p.m_b, centre=(p.r, 0), inertia=0)

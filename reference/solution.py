@@ -57,7 +57,7 @@ class Solution:
     wall_time: float
 
     def motion(self, t: FloatArray) -> Motion:
-        """Everything at times t [s], shape (n,); at an event, the segment that ends there.
+        """Everything at times t [s], shape (n,); at an event, what holds from there on.
 
         Raises:
             InputError: a time lies outside the solution.
@@ -69,7 +69,7 @@ class Solution:
         q, u, a = (np.empty((len(t), n_q)) for _ in range(3))
         loops = np.empty((len(t), n_l))
         torques = {stop.name: np.zeros(len(t)) for stop in self.problem.mechanism.stops}
-        of = np.searchsorted([segment.end for segment in self.segments[:-1]], t, side="left")
+        of = np.searchsorted([segment.end for segment in self.segments[:-1]], t, side="right")
         for k, segment in enumerate(self.segments):
             here = np.flatnonzero(of == k)
             if not len(here):
