@@ -9,9 +9,9 @@ import re
 from pathlib import Path
 
 import numpy as np
-from plotly.subplots import make_subplots
-
+import plotly.graph_objects as go
 import trebucheck as tb
+from plotly.subplots import make_subplots
 from trebucheck.comparisons import figures
 from trebucheck.comparisons.campaign import Comparison
 from trebucheck.comparisons.results import Results
@@ -38,7 +38,7 @@ def agreement_table(comparison: Comparison) -> str:
     return "\n".join(parts)
 
 
-def distance_picture(comparison: Comparison) -> object:
+def distance_picture(comparison: Comparison) -> go.Figure:
     """Distance of the projectile from the reference over time, both machines."""
     models = [machine.model for machine in comparison.results.machines]
     figure = make_subplots(rows=1, cols=len(models), subplot_titles=models, shared_yaxes=True)

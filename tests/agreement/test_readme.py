@@ -1,0 +1,39 @@
+"""The README's table is what the code finds today."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import trebucheck as tb
+from trebucheck.comparisons.summary import COLUMNS
+
+README = Path(__file__).parents[2] / "README.md"
+# Two printed digits, and figures near rounding (MuJoCo's, Exudyn's torques) move with the build of the engine.
+FACTOR, ROUNDING = 1.3, 3.0
+
+
+def _rows() -> Iterator[tuple[str, list[str]]]:
+    model = ""
+    for line in README.read_text().splitlines():
+        if line.startswith("**") and line.endswith(" machine**"):
+            model = line.strip("*").split()[0].lower()
+        elif model and line.startswith("| ") and not line.startswith("| engine"):
+            yield model, [cell.strip() for cell in line.strip("|").split("|")]
+
+
+def test_table(engine_name: str) -> None:
+    if engine_name == "reference":
+        assert not [row for _, row in _rows() if row[0].startswith("reference")]
+        return
+    results = tb.compare(engines=[engine_name], isolate=False).results
+    rows = [(model, row) for model, row in _rows() if row[0].split()[0] == engine_name]
+    assert len(rows) == len(results.runs)
+    for model, row in rows:
+        run = next(run for run in results.runs if (run.model, run.label) == (model, row[0]))
+        for column, printed in zip(COLUMNS, row[2:], strict=True):
+            found = column.cell(run).value
+            assert found is not None
+            factor = ROUNDING if found < 1e-7 or column.unit == "N m" else FACTOR
+            assert float(printed) == pytest.approx(found, rel=factor - 1), (model, row[0], column.title)
