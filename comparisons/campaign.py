@@ -175,6 +175,7 @@ def _setup(mechanism: Mechanism, duration: float | None, law: StopLaw) -> _Setup
         compared_to=end,
         launch_time=launch.time if launch else None,
         launch_speed=launch.speed if launch else None,
+        impacts=sum(time <= end for time, _ in solution.impacts),
         release_times=dict(solution.release_times),
         start_torques={name: float(torque[0]) for name, torque in start.stop_torques.items()},
     )

@@ -18,7 +18,6 @@ from ..reference.solution import Solution
 _POINTS = 500  # drawn per line: enough for the eye, and the report stays a few megabytes
 _COLOURS = {"reference": "#444444", "mujoco": "#1f77b4", "pymunk": "#d9730d", "exudyn": "#2a9d5c"}
 _OTHERS = ("#9467bd", "#8c564b", "#e377c2", "#17becf")
-_FLOOR = 1e-17  # zeros would fall off a logarithmic axis
 
 
 @dataclass(frozen=True)
@@ -77,6 +76,11 @@ def thinned(t: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
     edges = np.linspace(0, len(t), _POINTS + 1).astype(int)
     chosen = np.array([a + int(np.argmax(np.abs(values[a:b]))) for a, b in pairwise(edges)])
     return t[chosen], values[chosen]
+
+
+def _positive(values: FloatArray) -> FloatArray:
+    """Zeros, which a logarithmic axis cannot show, as gaps."""
+    return np.where(values > 0, values, np.nan)
 
 
 def _strided(*arrays: FloatArray) -> list[FloatArray]:
@@ -170,7 +174,7 @@ def _draw(figure: go.Figure, run: Line, quantity: Callable[[Trajectory], FloatAr
     common = {"line": run.style, "legendgroup": run.label, "name": run.label, "col": column}
     figure.add_scatter(x=t, y=values, row=1, showlegend=column == 1, **common)
     t, values = thinned(run.trajectory.t, np.abs(mine - theirs))
-    figure.add_scatter(x=t, y=np.maximum(values, _FLOOR), row=2, showlegend=False, **common)
+    figure.add_scatter(x=t, y=_positive(values), row=2, showlegend=False, **common)
 
 
 def distances(runs: list[Line]) -> go.Figure:
@@ -184,7 +188,7 @@ def distances(runs: list[Line]) -> go.Figure:
             t, values = thinned(run.trajectory.t, np.linalg.norm(apart, axis=1))
             figure.add_scatter(
                 x=t,
-                y=np.maximum(values, _FLOOR),
+                y=_positive(values),
                 name=run.label,
                 line=run.style,
                 legendgroup=run.label,
@@ -204,7 +208,7 @@ def energy_drift(solution: Solution, runs: list[Line]) -> go.Figure:
     figure = go.Figure()
     for run in runs:
         t, values = thinned(run.trajectory.t, np.abs(run.trajectory.total_energy - start) / scale)
-        figure.add_scatter(x=t, y=np.maximum(values, _FLOOR), name=run.label, line=run.style)
+        figure.add_scatter(x=t, y=_positive(values), name=run.label, line=run.style)
     unit = "|E - E(0)| / |E(0)|" if start else "|E - E(0)| [J]"
     figure.update_yaxes(type="log", exponentformat="power", title=unit)
     figure.update_xaxes(title="t [s]")

@@ -96,6 +96,8 @@ def _launch(c: Comparison) -> Iterator[Metric]:
 
 def _releases(c: Comparison) -> Iterator[Metric]:
     for stop in c.trajectory.mechanism.stops:
+        if not stop.closed:
+            continue  # it can only open after an impact, which is another event
         mine, theirs = c.trajectory.release_time(stop.name), c.reference.release_time(stop.name)
         mine, theirs = _up_to(c.end, mine), _up_to(c.end, theirs)
         if mine is None and theirs is None:

@@ -7,6 +7,7 @@ from functools import partial
 from importlib.resources import files
 from typing import Any
 
+import numpy as np
 import plotly.graph_objects as go
 from jinja2 import Environment, StrictUndefined
 from plotly.offline import get_plotlyjs
@@ -37,6 +38,17 @@ class Chapter:
     runs: list[Run]
     pairs: list[Pair]
     sections: list[Section]
+
+    @property
+    def labels(self) -> list[str]:
+        """Runs that moved, in the order of the table."""
+        paired = {label for pair in self.pairs for label in (pair.first, pair.second)}
+        return [run.label for run in self.runs if run.label in paired]
+
+    def apart(self, first: str, second: str) -> str:
+        """Distance of the two projectiles as shown; empty below the diagonal."""
+        found = next((pair for pair in self.pairs if (pair.first, pair.second) == (first, second)), None)
+        return "" if found is None else figure(found.position_max)
 
 
 def report_html(comparison: Comparison) -> str:
@@ -83,6 +95,10 @@ def _sections(comparison: Comparison, machine: Machine, own: dict[str, Trajector
         ("Energy drift", "Of the total energy at the start. Nothing dissipates: any drift is numerical.",
          figures.energy_drift(solution, runs)),
     ]  # fmt: skip
+    if machine.mechanism.joints:
+        text = "Magnitude of the force on each joint's child; below, the differences to the reference."
+        forces = {joint.name: partial(_force, joint.name) for joint in machine.mechanism.joints}
+        plots.insert(3, ("Joint forces", text, over_time(forces, "N")))
     if torques:
         text = "At least 0 while the rest pushes, 0 once it has let go; below, the differences to the reference."
         plots.insert(3, ("Stop torques", text, over_time(torques, "N m")))
@@ -95,6 +111,10 @@ def _coordinate(index: int, trajectory: Trajectory) -> FloatArray:
 
 def _torque(name: str, trajectory: Trajectory) -> FloatArray:
     return trajectory.stop_torque(name)
+
+
+def _force(name: str, trajectory: Trajectory) -> FloatArray:
+    return np.linalg.norm(trajectory.joint_reaction(name), axis=1)
 
 
 def _embedded(plot: go.Figure) -> str:

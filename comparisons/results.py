@@ -36,7 +36,6 @@ class Metric(Spec):
     tolerance: Real | None = None
     reason: str | None = Field(default=None, description="where the tolerance comes from")
     note: str | None = None
-    expected: str | None = Field(default=None, description="why a broken tolerance is known and expected here")
 
     @property
     def label(self) -> str:
@@ -72,8 +71,8 @@ class Run(Spec):
 
     @property
     def broken(self) -> tuple[Metric, ...]:
-        """Metrics whose tolerance does not hold, and unexpectedly so."""
-        return tuple(m for m in self.metrics if m.holds is False and m.expected is None)
+        """Metrics whose tolerance does not hold."""
+        return tuple(m for m in self.metrics if m.holds is False)
 
     def metric(self, name: str, subject: str | None = None) -> Metric | None:
         """The metric of that name and subject, if the run has it."""
@@ -101,6 +100,7 @@ class Machine(Spec):
     compared_to: Real = Field(description="end of the compared motion: the launch, or the duration [s]")
     launch_time: Real | None
     launch_speed: Real | None
+    impacts: Annotated[int, Field(ge=0)] = Field(description="of the reference within the compared motion")
     release_times: dict[str, Real | None]
     start_torques: dict[str, Real]
 

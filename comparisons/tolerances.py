@@ -2,7 +2,9 @@
 
 A bar is a stated need at a stated step. At a longer step it grows with the engine's order of convergence; at a
 shorter one it stays (a need does not sharpen because somebody computes more). Table I is what the needs were stated
-for; on any other machine, whose speeds and forces are others, ten times as much is allowed.
+for; on any other machine, whose speeds and forces are others, ten times as much is allowed. They hold up to the
+launch: after it trajectories part exponentially, whatever moves them, and only the energy is still judged, as long as
+no impact takes some of it.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from dataclasses import dataclass
 from .results import Machine, Metric, Run
 
 _OTHER_MACHINES = 10.0
+_AT_OR_BEFORE_LAUNCH = ("release_time", "launch_time", "launch_speed")
 
 
 @dataclass(frozen=True)
@@ -80,9 +83,19 @@ def judge(run: Run, machine: Machine, peaks: dict[str, float]) -> tuple[Metric, 
     step = found if isinstance(found, float) else None
     judged: list[Metric] = []
     for metric in run.metrics:
+        if not _can_be_judged(metric, machine):
+            judged.append(metric)
+            continue
         bar = _bar_for(run, machine, metric, step)
         judged.append(metric if bar is None or step is None else _with(metric, bar, step, machine, peaks))
     return tuple(judged)
+
+
+def _can_be_judged(metric: Metric, machine: Machine) -> bool:
+    if metric.name.startswith("energy"):
+        return machine.impacts == 0
+    beyond = machine.launch_time is not None and machine.compared_to > machine.launch_time * (1 + 1e-9)
+    return not beyond or metric.name in _AT_OR_BEFORE_LAUNCH
 
 
 def _bar_for(run: Run, machine: Machine, metric: Metric, step: float | None) -> Bar | None:

@@ -51,7 +51,7 @@ def distance_picture(comparison: Comparison) -> go.Figure:
             apart = run.trajectory.marker("projectile").position - run.reference.marker("projectile").position
             t, values = figures.thinned(run.trajectory.t, np.linalg.norm(apart, axis=1))
             style = {"name": run.label, "line": run.style, "showlegend": column == 1}
-            figure.add_scatter(x=t, y=np.maximum(values, 1e-13), row=1, col=column, **style)
+            figure.add_scatter(x=t, y=values, row=1, col=column, **style)
     figure.update_yaxes(type="log", exponentformat="power", range=[-12, 0])
     figure.update_yaxes(title="distance from the reference [m]", col=1)
     figure.update_xaxes(title="t [s]")

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BarycentricInterpolator
+from scipy.interpolate import KroghInterpolator
 from scipy.optimize import brentq
 
 from .arrays import FloatArray
@@ -15,7 +15,7 @@ from .arrays import FloatArray
 LAUNCH_ANGLE = math.pi / 4
 """45 degrees above the horizontal, the paper's choice."""
 
-_NEIGHBOURS = 4  # samples used on either side of the crossing: a polynomial of degree 7
+_NEIGHBOURS = 4  # samples used on either side of the crossing: a polynomial of degree 15
 _SAME_TIME = 1e-12  # [s] samples closer than this (an event on a grid time) count once
 
 
@@ -52,23 +52,40 @@ def launch_on(velocity_at: Callable[[float], FloatArray], t0: float, t1: float, 
     return Launch(time, math.hypot(vx, vy), (vx, vy))
 
 
-def locate_launch(t: FloatArray, velocity: FloatArray, angle: float | None = None, after: float = 0.0) -> Launch | None:
-    """Launch from samples, by the polynomial through the eight samples around the crossing.
+def locate_launch(
+    t: FloatArray, position: FloatArray, velocity: FloatArray, angle: float | None = None, after: float = 0.0
+) -> Launch | None:
+    """Launch from samples, by the Hermite polynomial through the eight samples around the crossing.
+
+    Both positions and velocities are used: at a coarse step that is worth several digits over velocities alone.
 
     Args:
         t: sample times [s], shape (n,).
+        position: of the projectile [m], shape (n, 2).
         velocity: of the projectile [m/s], shape (n, 2).
         angle: above the horizontal [rad]; 45 degrees if left out.
         after: only crossings later than this count [s] (a projectile on its rest is not launched).
     """
     wanted = LAUNCH_ANGLE if angle is None else angle
     keep = np.concatenate([[True], np.diff(t) > _SAME_TIME]) & (t >= after)
-    t, velocity = t[keep], velocity[keep]
+    t, position, velocity = t[keep], position[keep], velocity[keep]
     i = launch_interval(velocity, wanted)
     if i is None:
         return None
     near = slice(max(0, i + 1 - _NEIGHBOURS), i + 1 + _NEIGHBOURS)
-    # Centred on the crossing: the polynomial is then in a variable of order one step.
-    polynomial = BarycentricInterpolator(t[near] - t[i], velocity[near])
-    launch = launch_on(lambda s: np.asarray(polynomial(s), dtype=np.float64), 0.0, float(t[i + 1] - t[i]), wanted)
+    step = float(t[i + 1] - t[i])
+    velocity_at = _hermite((t[near] - t[i]) / step, position[near] - position[i], velocity[near] * step)
+    launch = launch_on(lambda s: velocity_at(s / step) / step, 0.0, step, wanted)
     return Launch(launch.time + float(t[i]), launch.speed, launch.velocity)
+
+
+def _hermite(x: FloatArray, values: FloatArray, slopes: FloatArray) -> Callable[[float], FloatArray]:
+    """Derivative of the polynomial that takes the values and slopes at x."""
+    both = np.empty((2 * len(x), values.shape[1]))
+    both[::2], both[1::2] = values, slopes
+    # Nodes nearest to the interval first: Krogh's divided differences then lose the fewest digits.
+    order = np.argsort(np.abs(x - 0.5), kind="stable")
+    nodes = np.repeat(x[order], 2)
+    data = both.reshape(len(x), 2, -1)[order].reshape(both.shape)
+    polynomial = KroghInterpolator(nodes, data)
+    return lambda s: np.asarray(polynomial.derivative(s, 1), dtype=np.float64)

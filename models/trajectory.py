@@ -140,7 +140,9 @@ class Trajectory:
             angle: above the horizontal [rad]; 45 degrees if left out.
             marker: which point is thrown.
         """
-        return locate_launch(self.t, self.marker(marker).velocity, angle, after=self._rest_opened(marker))
+        return locate_launch(
+            self.t, self.marker(marker).position, self.marker(marker).velocity, angle, self._rest_opened(marker)
+        )
 
     def _rest_opened(self, marker: str) -> float:
         """When the last stop of the marker's own body opened [s]; 0 where none did."""

@@ -31,6 +31,7 @@ def _machine(mechanism: tb.Mechanism, torques: dict[str, float], end: float) -> 
         compared_to=end,
         launch_time=end,
         launch_speed=None,
+        impacts=0,
         release_times={},
         start_torques=torques,
     )

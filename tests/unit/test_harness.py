@@ -141,6 +141,15 @@ def test_tolerances_grow_with_the_order_and_do_not_sharpen() -> None:
     assert _tolerance(1e-3, name="position_rms") is None
 
 
+def test_beyond_the_launch_only_invariants_are_judged() -> None:
+    beyond = _compare(duration=3.2)
+    assert {m.name for m in beyond.results.runs[0].metrics if m.holds is not None} == {"energy_drift"}
+    with_impact = _compare(duration=3.2, stop_law="unilateral")
+    assert with_impact.results.machines[0].impacts == 1
+    assert not [m for m in with_impact.results.runs[0].metrics if m.holds is not None]
+    assert with_impact.passed
+
+
 # campaigns
 
 
