@@ -13,6 +13,7 @@ import numpy as np
 from scipy.integrate import trapezoid
 
 from ..models.arrays import BoolArray, FloatArray
+from ..models.problem import StopLaw
 from ..models.trajectory import Trajectory
 from ..reference.solution import Solution
 from .results import Metric
@@ -178,5 +179,19 @@ def _constraints(c: Comparison) -> Iterator[Metric]:
             times = [c.end, c.trajectory.release_time(stop.name), c.reference.release_time(stop.name)]
             held = c.t <= min(time for time in times if time is not None)
             yield Metric(name="stop_gap_held", subject=stop.name, value=np.abs(gap[held]).max(), unit="rad")
+    yield from _complementarity(c)
     for name, gap in c.trajectory.joint_gaps.items():
         yield Metric(name="joint_gap_max", subject=name, value=np.abs(gap[c.keep]).max(), unit="m")
+
+
+def _complementarity(c: Comparison) -> Iterator[Metric]:
+    """How well gap >= 0, torque >= 0 and torque * gap = 0 hold: the law of a stop that can close again."""
+    if c.trajectory.provenance.stop_law != StopLaw.UNILATERAL.value:
+        return
+    for name, torque in c.trajectory.stop_torques.items():
+        gap = c.trajectory.stop_gap(name)[c.keep]
+        peak = float(torque[c.keep].max())
+        yield Metric(name="stop_penetration", subject=name, value=max(0.0, -float(gap.min())), unit="rad")
+        if peak > 0:
+            product = float(np.abs(torque[c.keep] * gap).max()) / peak
+            yield Metric(name="complementarity", subject=name, value=product, unit="rad")

@@ -78,6 +78,7 @@ class Recording:
     release_times: Mapping[str, float | None]
     joint_reactions: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
     joint_gaps: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
+    impacts: tuple[tuple[float, Mapping[str, float]], ...] = ()
     steps: int = 0
 
 

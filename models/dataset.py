@@ -73,6 +73,7 @@ def _attributes(trajectory: Trajectory) -> dict[str, str]:
         "format": FORMAT,
         "mechanism": trajectory.mechanism.model_dump_json(),
         "provenance": json.dumps(asdict(trajectory.provenance)),
+        "impacts": json.dumps([[time, dict(impulses)] for time, impulses in trajectory.impacts]),
     }
 
 
@@ -100,6 +101,7 @@ def from_dataset(dataset: xr.Dataset) -> Trajectory:
         joint_reactions=_split(dataset, "joint_reaction", "joint"),
         provenance=Provenance(**json.loads(dataset.attrs["provenance"])),
         joint_gaps=_split(dataset, "joint_gap", "open_joint"),
+        impacts=tuple((float(time), dict(impulses)) for time, impulses in json.loads(dataset.attrs["impacts"])),
     )
 
 

@@ -75,6 +75,9 @@ class Stop(Spec):
     sense: Literal[1, -1]
     limit: Real = Field(description="[rad]")
     closed: bool = Field(description="whether it touches at the start")
+    restitution: Annotated[Real, Field(ge=0, le=1)] = Field(
+        default=0.0, description="gap speed after an impact over the one before, under the unilateral law"
+    )
 
 
 class Marker(Spec):

@@ -75,6 +75,8 @@ class Trajectory:
     provenance: Provenance
     joint_gaps: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
     """How far the two points of a joint stand apart [m], shape (n,); only where the engine lets them."""
+    impacts: tuple[tuple[float, Mapping[str, float]], ...] = ()
+    """Time [s] and impulses by stop [N m s] of every impact the engine resolves as one; a soft stop has none."""
 
     def marker(self, name: str) -> PointMotion:
         """Motion of a marker.

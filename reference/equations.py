@@ -43,6 +43,23 @@ class Equations:
         """Number of scalar constraints of the loop joints."""
         return len(self._loops)
 
+    def loop_gaps(self, q: FloatArray) -> FloatArray:
+        """How far the points of the loop joints stand apart, component by component [m], shape (..., n_loops)."""
+        return (self.kinematics.phasors(q) @ self._loops.T + self._loop_offsets).real
+
+    @cached_property
+    def _loop_offsets(self) -> ComplexArray:
+        offsets: list[complex] = []
+        for joint in self.mechanism.loop_joints:
+            parent = self.kinematics.point(joint.parent, joint.parent_point)
+            child = self.kinematics.point(joint.child, joint.child_point)
+            apart = child.offset - parent.offset
+            if isinstance(joint, SlotJoint):
+                offsets.append(apart * (1j * complex(*joint.axis)).conjugate())
+            else:
+                offsets += [apart, -1j * apart]
+        return np.array(offsets, dtype=np.complex128)
+
     def _loop_rows(self) -> ComplexArray:
         """Complex rows L whose Re(L . w) is each loop constraint's rate."""
         rows: list[ComplexArray] = []

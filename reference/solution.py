@@ -161,6 +161,7 @@ class Solution:
             release_times=self.release_times,
             joint_reactions=self.joint_reactions(motion),
             provenance=provenance or self._provenance(),
+            impacts=self.impacts,
         )
 
     def _provenance(self) -> Provenance:

@@ -29,32 +29,39 @@ def pushing(equations: Equations, q: FloatArray, u: FloatArray, touching: Sequen
 
 
 def impact(
-    equations: Equations, q: FloatArray, u: FloatArray, touching: Sequence[str], restitution: float = 0.0
+    equations: Equations, q: FloatArray, u: FloatArray, touching: Sequence[str], restitution: FloatArray
 ) -> tuple[FloatArray, dict[str, float]]:
-    """Speeds after an impact of the touching stops, and their impulses.
+    """Speeds after an impact of the touching stops, and their impulses, all decided at once.
 
-    Newton's law in the metric of the mass matrix (Moreau): u+ = u- + M^{-1} G^T P with P >= 0,
-    gap speeds (1 + e) v >= 0 complementary to P.
+    Newton's law in the metric of the mass matrix (Moreau): u+ = u- + M^{-1} G^T P with P >= 0 complementary to
+    G u+ + e G u- >= 0.
+
+    Args:
+        q, u: state before, shape (n_q,).
+        touching: stops that touch, held ones included.
+        restitution: e of each of them, shape (n_touching,).
 
     Returns:
         u+, shape (n_q,), and the impulse of each stop [N m s].
     """
+    rows = gap_rows(equations, touching)
     matrix, _ = _delassus(equations, q, u, touching)
-    rows = _gap_rows(equations, q, touching)
     impulses = solve_lcp(matrix, (1.0 + restitution) * (rows @ u))
-    jump = _held_response(equations, q, rows.T @ impulses)
-    return u + jump, dict(zip(touching, impulses.tolist(), strict=True))
+    after = u + _held_response(equations, q, rows.T @ impulses)
+    return after, dict(zip(touching, impulses.tolist(), strict=True))
 
 
-def _gap_rows(equations: Equations, q: FloatArray, touching: Sequence[str]) -> FloatArray:
-    return equations.constraint_jacobian(q, touching)[equations.n_loops :]
+def gap_rows(equations: Equations, names: Sequence[str]) -> FloatArray:
+    """Gradients of the stops' gaps, shape (n_names, n_q)."""
+    n_q = len(equations.mechanism.coordinates)
+    return np.array([equations.kinematics.gap_row(name) for name in names]).reshape(len(names), n_q)
 
 
 def _delassus(
     equations: Equations, q: FloatArray, u: FloatArray, touching: Sequence[str]
 ) -> tuple[FloatArray, FloatArray]:
     """G M^{-1} G^T and the gap accelerations without the stops, loop joints held in both."""
-    rows = _gap_rows(equations, q, touching)
+    rows = gap_rows(equations, touching)
     free = equations.solve(q, u, ())[0]
     response = np.array([_held_response(equations, q, row) for row in rows])
     return rows @ response.T, rows @ free

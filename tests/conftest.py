@@ -7,13 +7,14 @@ import os
 
 import pytest
 import trebucheck as tb
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from trebucheck.engines.registry import engine_class, engine_names
 
 # Derandomised: a red run is red again on the next machine. `HYPOTHESIS_PROFILE=search` looks further.
 _COMMON = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow, HealthCheck.function_scoped_fixture]}
-settings.register_profile("ci", derandomize=True, max_examples=20, database=None, **_COMMON)
+_NO_SHRINKING = (Phase.explicit, Phase.generate)  # a failing machine is shown as found: shrinking takes minutes
+settings.register_profile("ci", derandomize=True, max_examples=20, database=None, phases=_NO_SHRINKING, **_COMMON)
 settings.register_profile("search", max_examples=200, **_COMMON)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 

@@ -1,0 +1,157 @@
+"""Which stops hold, from the start over every release and impact: what happens *at* an event.
+
+Between events an integrator moves the machine under a fixed set of closed stops; how it finds an event is its own
+business. What follows from one is decided here, once for all integrators, and by complementarity: no order of
+stops is ever chosen.
+
+- **Release.** The torque of a closed stop falls through zero: it opens.
+- **Impact** (unilateral law only). The gap of an open stop falls through zero: speeds jump in the metric of the mass
+  matrix with the stop's restitution e. Stops that touch at the same instant take part, held ones included.
+- **No endless bouncing.** For 0 < e < 1 rebounds follow each other ever faster and come to rest at a finite time. A
+  stop met more slowly than `REST_SPEED` does not bounce (e = 0 there): at 1e-6 rad/s a rebound would be some 1e-12
+  rad high. With e = 1 nothing settles, nor should it.
+- **No endless rattling.** Two stops may throw the machine to and fro between them, ever faster, towards an instant
+  that is never reached. Impacts within `TOGETHER` of each other are one: their stops are solved at once, after which
+  none of them closes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..models.arrays import FloatArray
+from ..models.errors import InputError
+from ..models.problem import Problem, StopLaw
+from .equations import Equations
+from .stops import gap_rows, impact, pushing
+
+REST_SPEED = 1e-6  # [rad/s]
+TOGETHER = 1e-9  # [s]
+_TOUCHING = 1e-11  # [rad] an open stop with a gap below this takes part in an impact
+_AT_REST = 1e-9  # [rad/s] gap speeds below this are rounding of an impact's solution
+_FITS = 1e-9  # [m], [m/s] how well loops of joints must close at the start
+
+
+@dataclass(frozen=True)
+class Watch:
+    """An event to look for: a closed stop's torque, or an open stop's gap, falling through zero."""
+
+    stop: str
+    closes: bool
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A state just after an event (or at the start), and the stops that hold from there on."""
+
+    t: float
+    q: FloatArray
+    u: FloatArray
+    closed: tuple[str, ...]
+
+
+class ActiveSet:
+    """Follows one problem's stops; keeps release times and impacts."""
+
+    def __init__(self, problem: Problem, equations: Equations) -> None:
+        self.problem = problem
+        self.equations = equations
+        self.releases: dict[str, float | None] = {stop.name: None for stop in problem.mechanism.stops}
+        self.impacts: list[tuple[float, dict[str, float]]] = []
+        """Time [s] and impulse of each stop that took part [N m s]."""
+        self._struck_at: dict[str, float] = {}
+        self._restitution = {stop.name: stop.restitution for stop in problem.mechanism.stops}
+
+    def begin(self) -> Moment:
+        """The start: an impact if the start speeds drive into a closed stop, and no stop that would have to pull.
+
+        Raises:
+            InputError: a loop of joints does not close at the start, in position or speed.
+        """
+        mechanism = self.problem.mechanism
+        q = np.array(mechanism.start)
+        u = np.array(mechanism.start_speeds or [0.0] * len(q))
+        self._refuse_open_loops(q, u)
+        touching = tuple(stop.name for stop in mechanism.stops if stop.closed)
+        if np.any(self._gap_speeds(touching, u) < -_AT_REST):
+            u = self._struck(0.0, q, u, touching)
+        return self._settled(0.0, q, u, touching)
+
+    def watched(self, moment: Moment) -> tuple[Watch, ...]:
+        """What to look for after a moment."""
+        releases = tuple(Watch(name, closes=False) for name in moment.closed)
+        if self.problem.stop_law is StopLaw.RELEASE_ONCE:
+            return releases
+        return releases + tuple(Watch(name, closes=True) for name in self.releases if name not in moment.closed)
+
+    def after(self, t: float, q: FloatArray, u: FloatArray, closed: Sequence[str], events: Sequence[Watch]) -> Moment:
+        """What follows from events at one instant.
+
+        Args:
+            t: when [s].
+            q, u: the state before, shape (n_q,).
+            closed: stops that held until now.
+            events: what was found there; other stops that touch at the same instant are noticed here.
+        """
+        released = {event.stop for event in events if not event.closes}
+        for name in released:
+            self._note_release(name, t)
+        holding = tuple(name for name in closed if name not in released)
+        meeting = {event.stop for event in events if event.closes}
+        if not meeting:
+            return self._settled(t, q, u, holding)
+        meeting |= self._also_touching(t, q, closed)
+        touching = tuple(name for name in self.releases if name in holding or name in meeting)
+        return self._settled(t, q, self._struck(t, q, u, touching), touching)
+
+    def _settled(self, t: float, q: FloatArray, u: FloatArray, touching: Sequence[str]) -> Moment:
+        """Of the touching stops, those that neither part nor would have to pull; the rest are released."""
+        speeds = self._gap_speeds(touching, u)
+        resting = tuple(name for name, speed in zip(touching, speeds, strict=True) if abs(speed) <= _AT_REST)
+        closed = pushing(self.equations, q, u, resting)
+        for name in touching:
+            if name not in closed:
+                self._note_release(name, t)
+        return Moment(t, q, u, closed)
+
+    def _struck(self, t: float, q: FloatArray, u: FloatArray, touching: tuple[str, ...]) -> FloatArray:
+        speeds = self._gap_speeds(touching, u)
+        restitution = np.array(
+            [self._restitution[n] if v < -REST_SPEED else 0.0 for n, v in zip(touching, speeds, strict=True)]
+        )
+        after, impulses = impact(self.equations, q, u, touching, restitution)
+        self.impacts.append((t, impulses))
+        self._struck_at |= {name: t for name, impulse in impulses.items() if impulse > 0}
+        return after
+
+    def _also_touching(self, t: float, q: FloatArray, closed: Sequence[str]) -> set[str]:
+        """Open stops that an impact here must reckon with: it may drive the machine into them."""
+        return {
+            name
+            for name in self.releases
+            if name not in closed
+            and (
+                abs(float(self.equations.kinematics.gap(name, q))) <= _TOUCHING
+                or t - self._struck_at.get(name, -np.inf) <= TOGETHER
+            )
+        }
+
+    def _gap_speeds(self, names: Sequence[str], u: FloatArray) -> FloatArray:
+        return gap_rows(self.equations, names) @ u
+
+    def _note_release(self, name: str, t: float) -> None:
+        """The first opening counts: it is the one the throw depends on."""
+        if self.releases[name] is None and self.problem.mechanism.stop(name).closed:
+            self.releases[name] = t
+
+    def _refuse_open_loops(self, q: FloatArray, u: FloatArray) -> None:
+        apart, speeds = self.equations.loop_gaps(q), self.equations.constraint_jacobian(q, ()) @ u
+        if np.any(np.abs(apart) > _FITS) or np.any(np.abs(speeds) > _FITS):
+            worst = f"{np.abs(apart).max():.3g} m and {np.abs(speeds).max():.3g} m/s"
+            names = ", ".join(joint.name for joint in self.problem.mechanism.loop_joints)
+            raise InputError(
+                f"start does not fit the joints that close a loop ({names}): their points stand apart by up to {worst}."
+            )
