@@ -20,6 +20,7 @@ from .equations import Equations
 
 _PROBES = np.linspace(0.0, 1.0, 6)  # where inside a step the functions are watched
 _SAME_TIME = 1e-13  # [s] events closer than this are one instant
+_ROUNDING = 1e-12  # [rad] a gap this little below zero is one that has just been at zero
 
 
 @dataclass(frozen=True)
@@ -100,13 +101,16 @@ def _fall(
     start, end = interval
     if speeds[0] >= 0 and speeds[1] >= 0:
         return None
-    if speeds[0] > 0 > speeds[1]:  # it opens first: only what comes after the turning point can be a closing
-        start = _root(speed, start, end)
-        return _root(gap, start, end) if gap(start) > 0 > gaps[1] else None
     if speeds[0] < 0 < speeds[1]:  # it dips: does it reach zero?
-        end = _root(speed, start, end)
-        return _root(gap, start, end) if gaps[0] > 0 > gap(end) else None
-    return _root(gap, start, end) if gaps[0] > 0 > gaps[1] else None
+        lowest = _root(speed, start, end)
+        return _root(gap, start, lowest) if gaps[0] > 0 > gap(lowest) else None
+    if speeds[0] > 0:  # it opens first: only what comes after the turning point can be a closing
+        start = _root(speed, start, end)
+    here = gap(start)
+    if here > 0:
+        return _root(gap, start, end) if gaps[1] < 0 else None
+    # At zero, within rounding, and on its way down: it closes here. Rounding alone does not take it far below.
+    return start if here >= -_ROUNDING and gaps[1] < -_ROUNDING else None
 
 
 def _root(function: Callable[[float], float], start: float, end: float) -> float:
