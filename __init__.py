@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from .models.problem import Problem, StopLaw
     from .models.trajectory import Trajectory
     from .models.trebuchet import fixed, rolling
+    from .reference.throw import throw
 
 __all__ = [
     "Body",
@@ -60,6 +61,7 @@ __all__ = [
     "engines",
     "fixed",
     "rolling",
+    "throw",
 ]
 
 _ERRORS = ("EngineNotInstalledError", "InputError", "SimulationError", "TrebucheckError", "UnsupportedProblemError")
@@ -74,6 +76,7 @@ _HOMES = {
     "Problem": "models.problem",
     "StopLaw": "models.problem",
     "Trajectory": "models.trajectory",
+    "throw": "reference.throw",
     "fixed": "models.trebuchet",
     "rolling": "models.trebuchet",
     **dict.fromkeys(_ERRORS, "models.errors"),

@@ -19,8 +19,9 @@ from ..models.parameters import TrebuchetParameters
 from ..models.problem import Problem, StopLaw
 from ..models.registry import model
 from ..models.trajectory import Trajectory
+from ..reference.certificate import reference_uncertainty
 from ..reference.solution import Solution
-from ..reference.solver import solve
+from ..reference.solver import solve, solve_to_launch
 from .isolation import Worker, simulate_warm
 from .metrics import measure
 from .pairs import against_each_other
@@ -31,7 +32,6 @@ from .tolerances import judge
 _Simulate = Callable[[Engine, Problem], Trajectory]
 
 PRESETS = ("tuned", "stock")
-_SEARCH = (4.0, 10.0)  # [s] the reference looks for the launch up to these, unless a duration is given
 _TAIL_STEPS, _TAIL = 20, 0.02  # an engine runs on past the reference's launch, so that its own can be found
 _REFERENCE_TAIL = 1.0  # [s] and the reference further still
 
@@ -164,6 +164,7 @@ def _checked_engine(case: Case, timestep: float | None, options: dict[str, Any])
 def _setup(mechanism: Mechanism, duration: float | None, law: StopLaw) -> _Setup:
     solution, end = _reference(mechanism, duration, law)
     launch = solution.launch
+    uncertainties = reference_uncertainty(solution, end)
     start = solution.motion(np.zeros(1))
     times = np.linspace(0.0, end, 2001)
     peaks = {name: float(torque.max()) for name, torque in solution.motion(times).stop_torques.items()}
@@ -175,6 +176,8 @@ def _setup(mechanism: Mechanism, duration: float | None, law: StopLaw) -> _Setup
         compared_to=end,
         launch_time=launch.time if launch else None,
         launch_speed=launch.speed if launch else None,
+        reference_uncertainty=uncertainties.values,
+        uncertainty_source=uncertainties.source,
         impacts=sum(time <= end for time, _ in solution.impacts),
         release_times=dict(solution.release_times),
         start_torques={name: float(torque[0]) for name, torque in start.stop_torques.items()},
@@ -187,12 +190,8 @@ def _reference(mechanism: Mechanism, duration: float | None, law: StopLaw) -> tu
     if duration is not None:
         asked = Problem(mechanism, duration=duration, stop_law=law)
         return solve(Problem(mechanism, duration=asked.duration + _REFERENCE_TAIL, stop_law=law)), asked.duration
-    solution = solve(Problem(mechanism, duration=_SEARCH[0], stop_law=law))
-    for horizon in _SEARCH[1:]:
-        if solution.launch is not None:
-            break
-        solution = solve(Problem(mechanism, duration=horizon, stop_law=law))
-    return solution, solution.launch.time if solution.launch else _SEARCH[0]
+    solution = solve_to_launch(mechanism, law)
+    return solution, solution.launch.time if solution.launch else solution.problem.duration
 
 
 def _is_table_one(mechanism: Mechanism) -> bool:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -14,6 +14,7 @@ from plotly.subplots import make_subplots
 from ..models.arrays import FloatArray
 from ..models.trajectory import Trajectory
 from ..reference.solution import Solution
+from .plots import finish, skeleton
 
 _POINTS = 500  # drawn per line: enough for the eye, and the report stays a few megabytes
 _COLOURS = {"reference": "#444444", "mujoco": "#1f77b4", "pymunk": "#d9730d", "exudyn": "#2a9d5c"}
@@ -52,8 +53,6 @@ def lines(solution: Solution, trajectories: dict[str, Trajectory], end: float) -
 
 
 def _until(trajectory: Trajectory, end: float) -> Trajectory:
-    from dataclasses import replace
-
     keep = trajectory.t <= end
 
     def cut(values: Any) -> Any:
@@ -88,27 +87,16 @@ def _strided(*arrays: FloatArray) -> list[FloatArray]:
     return [np.concatenate([a[::stride], a[-1:]]) for a in arrays]
 
 
-def _finish(figure: go.Figure, height: int) -> go.Figure:
-    figure.update_layout(
-        template="plotly_white",
-        height=height,
-        margin={"l": 70, "r": 20, "t": 50, "b": 50},
-        legend={"orientation": "h", "y": -0.16},
-        font={"family": "system-ui, sans-serif", "size": 13},
-    )
-    return figure
-
-
 def paths(solution: Solution, runs: list[Line], end: float) -> go.Figure:
     """Projectile and counterweight in the plane; the machine at the start and at the end."""
     figure = go.Figure()
     times = np.linspace(0.0, end, _POINTS)
     reference = solution.trajectory(times)
-    for which, t in (("at the start", 0.0), ("at the end", end)):
-        for x, y in _skeleton(solution, t):
-            figure.add_scatter(
-                x=x, y=y, mode="lines+markers", line={"color": "#c9b79c", "width": 5}, showlegend=False, name=which
-            )
+    mechanism, kinematics = solution.problem.mechanism, solution.equations.kinematics
+    for which, q in zip(("at the start", "at the end"), (reference.q[0], reference.q[-1]), strict=True):
+        x, y = skeleton(mechanism, kinematics, q)
+        wood = {"color": "#c9b79c", "width": 5}
+        figure.add_scatter(x=x, y=y, mode="lines+markers", line=wood, showlegend=False, name=which)
     for name in ("projectile", "counterweight"):
         if name not in reference.markers:
             continue
@@ -120,22 +108,7 @@ def paths(solution: Solution, runs: list[Line], end: float) -> go.Figure:
             figure.add_scatter(x=x, y=y, name=run.label, line=run.style, legendgroup=run.label, showlegend=shown)
     figure.update_xaxes(title="x [m]")
     figure.update_yaxes(title="y [m]", scaleanchor="x")
-    return _finish(figure, 620)
-
-
-def _skeleton(solution: Solution, t: float) -> Iterator[tuple[list[float], list[float]]]:
-    """Each body as the polyline of its joints and its centre of mass."""
-    mechanism, kinematics = solution.problem.mechanism, solution.equations.kinematics
-    q = solution.motion(np.array([t])).q
-    for body in mechanism.bodies:
-        points = {body.centre: None}
-        for joint in mechanism.joints:
-            if joint.child == body.name:
-                points[joint.child_point] = None
-            if joint.parent == body.name:
-                points[joint.parent_point] = None
-        where = [kinematics.position(kinematics.point(body.name, point), q)[0] for point in sorted(points)]
-        yield [float(p[0]) for p in where], [float(p[1]) for p in where]
+    return finish(figure, 620)
 
 
 def over_time(
@@ -162,7 +135,7 @@ def over_time(
     figure.update_yaxes(title=f"difference [{unit}]", row=2, col=1)
     figure.update_yaxes(type="log", exponentformat="power", row=2)
     figure.update_xaxes(title="t [s]", row=2)
-    return _finish(figure, 620)
+    return finish(figure, 620)
 
 
 def _draw(figure: go.Figure, run: Line, quantity: Callable[[Trajectory], FloatArray], column: int) -> None:
@@ -198,7 +171,7 @@ def distances(runs: list[Line]) -> go.Figure:
             )
     figure.update_yaxes(type="log", exponentformat="power", title="distance [m]")
     figure.update_xaxes(title="t [s]")
-    return _finish(figure, 460)
+    return finish(figure, 460)
 
 
 def energy_drift(solution: Solution, runs: list[Line]) -> go.Figure:
@@ -212,4 +185,4 @@ def energy_drift(solution: Solution, runs: list[Line]) -> go.Figure:
     unit = "|E - E(0)| / |E(0)|" if start else "|E - E(0)| [J]"
     figure.update_yaxes(type="log", exponentformat="power", title=unit)
     figure.update_xaxes(title="t [s]")
-    return _finish(figure, 420)
+    return finish(figure, 420)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from importlib.resources import files
-from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -16,6 +15,7 @@ from ..models.arrays import FloatArray
 from ..models.trajectory import Trajectory
 from . import figures
 from .campaign import Comparison
+from .plots import embedded
 from .results import Machine, Pair, Run
 from .summary import COLUMNS, complaints, cost, figure, headline, step
 from .terminal import verdict
@@ -102,7 +102,7 @@ def _sections(comparison: Comparison, machine: Machine, own: dict[str, Trajector
     if torques:
         text = "At least 0 while the rest pushes, 0 once it has let go; below, the differences to the reference."
         plots.insert(3, ("Stop torques", text, over_time(torques, "N m")))
-    return [Section(title, text, _embedded(plot)) for title, text, plot in plots]
+    return [Section(title, text, embedded(plot)) for title, text, plot in plots]
 
 
 def _coordinate(index: int, trajectory: Trajectory) -> FloatArray:
@@ -115,8 +115,3 @@ def _torque(name: str, trajectory: Trajectory) -> FloatArray:
 
 def _force(name: str, trajectory: Trajectory) -> FloatArray:
     return np.linalg.norm(trajectory.joint_reaction(name), axis=1)
-
-
-def _embedded(plot: go.Figure) -> str:
-    options: dict[str, Any] = {"displaylogo": False, "responsive": True}
-    return plot.to_html(full_html=False, include_plotlyjs=False, config=options)

@@ -101,6 +101,10 @@ class Machine(Spec):
     launch_time: Real | None
     launch_speed: Real | None
     impacts: Annotated[int, Field(ge=0)] = Field(description="of the reference within the compared motion")
+    reference_uncertainty: dict[str, Real] = Field(
+        default_factory=dict, description="of the reference, by the metric it enters, in the metric's unit"
+    )
+    uncertainty_source: str = Field(default="unknown", description="certificate, or estimate")
     release_times: dict[str, Real | None]
     start_torques: dict[str, Real]
 

@@ -4,13 +4,15 @@ A bar is a stated need at a stated step. At a longer step it grows with the engi
 shorter one it stays (a need does not sharpen because somebody computes more). Table I is what the needs were stated
 for; on any other machine, whose speeds and forces are others, ten times as much is allowed. They hold up to the
 launch: after it trajectories part exponentially, whatever moves them, and only the energy is still judged, as long as
-no impact takes some of it.
+no impact takes some of it. A tolerance finer than ten times the reference's own uncertainty is refused: what it would
+judge is the reference.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..reference.certificate import refusal
 from .results import Machine, Metric, Run
 
 _OTHER_MACHINES = 10.0
@@ -126,6 +128,11 @@ def _with(metric: Metric, bar: Bar, step: float, machine: Machine, peaks: dict[s
         reason += f", grown with order {bar.order} to {step:g} s"
     if allowance > 1:
         reason += f", times {allowance:g} away from Table I"
+    known = machine.reference_uncertainty
+    uncertainty = known.get(f"{metric.name} ({metric.subject})", known.get(metric.name))
+    refused = refusal(metric.name, metric.subject, tolerance, uncertainty)
+    if refused is not None:
+        return metric.model_copy(update={"note": refused})
     return metric.model_copy(update={"tolerance": tolerance, "reason": f"{reason} ({need[bar.engine]})"})
 
 

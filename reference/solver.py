@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
@@ -9,14 +10,16 @@ import numpy as np
 from scipy.integrate import DOP853, DenseOutput, OdeSolution
 
 from ..models.arrays import FloatArray
-from ..models.errors import SimulationError
-from ..models.problem import Problem
+from ..models.errors import InputError, SimulationError
+from ..models.mechanism import Mechanism
+from ..models.problem import Problem, StopLaw
 from .active_set import ActiveSet, Moment, Watch
 from .equations import Equations
 from .events import Event, EventFinder
 from .solution import Segment, Solution
 
 _MAX_EVENTS = 10_000
+_LAUNCH_SPANS = (2.0, 5.5)  # natural times; Table I launches at 1.5
 
 TOLERANCE = 3e-14
 """Just above the least SciPy takes (100 machine epsilons): energy then holds to some 1e-13 between the steps, too."""
@@ -35,6 +38,36 @@ def solve(problem: Problem, rtol: float = TOLERANCE, atol: float = TOLERANCE) ->
         SimulationError: the integrator's step size collapsed, or there are more than ten thousand events.
     """
     return _Integration(problem, rtol, atol).run()
+
+
+def natural_time(mechanism: Mechanism) -> float:
+    """The machine's own time scale, sqrt(reach / g) [s], reach being the sum of its links' lengths.
+
+    Raises:
+        InputError: there is no gravity, and so no such scale.
+    """
+    if mechanism.gravity == 0:
+        raise InputError("gravity = 0.0 of the mechanism: nothing would fall; it must be positive.")
+    reach = sum(
+        math.dist(joint.child_point, body.centre) + math.dist(joint.parent_point, (0, 0))
+        for body, joint in zip(mechanism.bodies, mechanism.tree_joints, strict=True)
+    )
+    return math.sqrt(max(reach, 1e-6) / mechanism.gravity)
+
+
+def solve_to_launch(mechanism: Mechanism, stop_law: StopLaw = StopLaw.RELEASE_ONCE) -> Solution:
+    """Solve for as long as the launch takes, and a little longer; at most some five natural times.
+
+    `Solution.launch` is None if it does not come by then.
+    """
+    scale = natural_time(mechanism)
+    solution = solve(Problem(mechanism, duration=_LAUNCH_SPANS[0] * scale, stop_law=stop_law))
+    for spans in _LAUNCH_SPANS[1:]:
+        launch = solution.launch
+        if launch is not None and launch.time < 0.9 * solution.segments[-1].end:
+            break
+        solution = solve(Problem(mechanism, duration=spans * scale, stop_law=stop_law))
+    return solution
 
 
 class _Integration:

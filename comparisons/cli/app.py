@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from . import comparing, engines, models, running
+from . import certifying, comparing, engines, models, running, throwing
 
 app = typer.Typer(
     name="trebucheck",
@@ -19,6 +19,7 @@ app = typer.Typer(
     "trebucheck compare --out report\n\n"
     "trebucheck compare --models rolling --engines mujoco,exudyn --preset tuned --timestep 5e-4\n\n"
     "trebucheck run --engine pymunk --model fixed --set l1=9.5 --set m_cw=2500\n\n"
+    "trebucheck throw --model rolling --best --sensitivities\n\n"
     "trebucheck models export rolling --set r=7 --out my-rolling",
     no_args_is_help=True,
     add_completion=False,
@@ -26,6 +27,8 @@ app = typer.Typer(
 )
 app.command("compare")(comparing.compare_command)
 app.command("run")(running.run_command)
+app.command("throw")(throwing.throw_command)
+app.command("certify")(certifying.certify_command)
 app.command("engines")(engines.engines_command)
 app.add_typer(models.app, name="models")
 

@@ -25,7 +25,7 @@ def compare_command(
     beam: options.Beam = None,
     stop_law: Annotated[str, typer.Option("--stop-law", help="release-once or unilateral.")] = "release-once",
     resume: Annotated[bool, typer.Option("--resume", help="Take finished runs from the folder again.")] = False,
-    timeout: Annotated[float, typer.Option("--timeout", help="Longest wait for one run [s].")] = 600.0,
+    timeout: Annotated[float, typer.Option("--timeout", help="Longest wait for one run (s).")] = 600.0,
     out: Annotated[Path, typer.Option("--out", help="Folder for report.html, results.json and trajectories.")] = Path(
         "report"
     ),

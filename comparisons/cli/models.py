@@ -47,7 +47,7 @@ def export_command(
     name: _Name,
     assignments: options.Set = None,
     beam: options.Beam = None,
-    timestep: Annotated[float, typer.Option("--timestep", help="Step written into the MJCF [s].")] = 1e-3,
+    timestep: Annotated[float, typer.Option("--timestep", help="Step written into the MJCF (s).")] = 1e-3,
     out: Annotated[Path | None, typer.Option("--out", help="Folder to write; the machine's name by default.")] = None,
 ) -> None:
     """Write a machine's MJCF folder (trebuchet.xml, scene.xml, README.md, LICENSE, CHANGELOG.md).

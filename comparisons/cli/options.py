@@ -20,16 +20,16 @@ Model = Annotated[
 ]
 Engines = Annotated[str, typer.Option("--engines", "--engine", help="Engines, comma-separated; all by default.")]
 Preset = Annotated[str, typer.Option("--preset", "--presets", help="tuned, stock, or both: tuned,stock.")]
-Timestep = Annotated[float | None, typer.Option("--timestep", help="Step of every engine [s]; else the preset's own.")]
+Timestep = Annotated[float | None, typer.Option("--timestep", help="Step of every engine (s); else the preset's own.")]
 Duration = Annotated[
-    float | None, typer.Option("--duration", help="Compared or simulated time [s]; to the launch by default.")
+    float | None, typer.Option("--duration", help="Compared or simulated time (s); to the launch by default.")
 ]
 Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the machine, SI units; repeatable."),
 ]
 Beam = Annotated[
-    float | None, typer.Option("--beam", help="Keep l1 + l2 at this length [m]: l2 follows from l1 (paper: 14).")
+    float | None, typer.Option("--beam", help="Keep l1 + l2 at this length (m): l2 follows from l1 (paper: 14).")
 ]
 EngineOption = Annotated[
     list[str] | None,

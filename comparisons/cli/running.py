@@ -58,8 +58,7 @@ def run_command(
 
 def _to_launch(mechanism: Mechanism) -> float:
     """A little past the reference's launch [s]."""
-    from ...models.problem import Problem
-    from ...reference.solver import solve
+    from ...reference.solver import solve_to_launch
 
-    launch = solve(Problem(mechanism, duration=8.0)).launch
+    launch = solve_to_launch(mechanism).launch
     return launch.time + 0.02 if launch else 3.0

@@ -150,12 +150,12 @@ def test_a_broken_tolerance_is_exit_code_1(
 ) -> None:
     from trebucheck.comparisons import tolerances
 
-    strict = tolerances.Bar("reference", "stock", "energy_drift", 1e-15, 1.0, 0)
+    strict = tolerances.Bar("reference", "stock", "launch_speed", 1e-10, 1.0, 0)
     monkeypatch.setattr(tolerances, "BARS", (strict,))
     assert main(["compare", "--engine", "reference", "--model", "fixed", "--out", str(tmp_path)]) == 1
     shown = re.sub(r"\s+", " ", capsys.readouterr().out)
     assert "Agreement does not hold" in shown
-    assert "fixed, reference stock: energy_drift" in shown
+    assert "fixed, reference stock: launch_speed" in shown
     assert "tolerance broken" in (tmp_path / "report.html").read_text()
 
 

@@ -209,3 +209,22 @@ def test_impacts_are_written_and_read(tmp_path: object) -> None:
     trajectory = tb.engine("reference").simulate(problem)
     save(trajectory, f"{tmp_path}/a.nc")
     assert load(f"{tmp_path}/a.nc").impacts == trajectory.impacts != ()
+
+
+@pytest.mark.parametrize("coordinate", [0, 1, 2])
+@pytest.mark.parametrize("kick", [1e-4, -1e-3])
+def test_a_small_kick_against_the_rests_changes_little(
+    build: Callable[..., tb.Mechanism], coordinate: int, kick: float
+) -> None:
+    """It rattles between two closed rests at once; what is left is a kick of the machine as a whole."""
+    fields = build().model_dump()
+    speeds = [0.0] * len(fields["start"])
+    speeds[coordinate] = kick
+    kicked = _unilateral(tb.Mechanism(**{**fields, "start_speeds": tuple(speeds)}), 2.8)
+    plain = _unilateral(build(), 2.8)
+    trajectory = kicked.trajectory(np.linspace(0.0, 2.5, 1000))
+    assert min(trajectory.stop_gap(name).min() for name in ("hanger rest", "sling rest")) > -1e-12
+    assert kicked.launch is not None and plain.launch is not None
+    # Linear in the kick: at most two seconds of launch time per rad/s and thirty m/s of speed, on either machine.
+    assert abs(kicked.launch.time - plain.launch.time) < 2.0 * abs(kick)
+    assert abs(kicked.launch.speed - plain.launch.speed) < 30.0 * abs(kick)
