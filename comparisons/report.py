@@ -13,12 +13,16 @@ from plotly.offline import get_plotlyjs
 
 from ..models.arrays import FloatArray
 from ..models.trajectory import Trajectory
+from ..reference.certificate import Figure as CertifiedFigure
+from ..reference.certificate import load_certificate
 from . import figures
 from .campaign import Comparison
 from .plots import embedded
 from .results import Machine, Pair, Run
 from .summary import COLUMNS, complaints, cost, figure, headline, step
 from .terminal import verdict
+
+_CERTIFIED = ("release_time", "launch_time", "launch_speed", "launch_angle", "range", "stop_torque", "total_energy")
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,12 @@ class Chapter:
     runs: list[Run]
     pairs: list[Pair]
     sections: list[Section]
+
+    @property
+    def certified(self) -> list[CertifiedFigure]:
+        """The figures of a throw from the machine's certificate; empty where there is none."""
+        certificate = load_certificate(self.machine.mechanism)
+        return [f for f in certificate.figures if f.name in _CERTIFIED and f.time is None] if certificate else []
 
     @property
     def labels(self) -> list[str]:

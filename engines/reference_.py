@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 from collections.abc import Mapping
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -12,9 +13,9 @@ from pydantic import Field
 from ..models.arrays import FloatArray
 from ..models.problem import Problem, StopLaw
 from ..models.spec import Real
-from ..models.trajectory import Trajectory
 from ..reference.solution import Solution
 from ..reference.solver import TOLERANCE, solve
+from ..reference.taylor import solve_taylor
 from .protocol import BuiltinEngine, Capabilities, Recording
 
 _Tolerance = Annotated[Real, Field(ge=2.5e-14, le=1e-2)]
@@ -35,12 +36,19 @@ class ReferenceEngine(BuiltinEngine):
     # A newcomer to SciPy asks for DOP853 with tolerances that sound tight.
     stock_options: ClassVar[Mapping[str, object]] = {"rtol": 1e-9, "atol": 1e-9}
 
-    rtol: _Tolerance = Field(default=TOLERANCE, description="relative local error of the integrator")
+    integrator: Literal["dop853", "taylor", "auto"] = Field(
+        default="dop853", description="SciPy's DOP853, heyoka's Taylor series, or Taylor where heyoka is installed"
+    )
+    rtol: _Tolerance = Field(
+        default=TOLERANCE, description="relative local error of DOP853; Taylor series go to the last digit"
+    )
     atol: _Tolerance = Field(default=TOLERANCE, description="absolute local error [rad, m, rad/s, m/s]")
 
     def solve(self, problem: Problem) -> Solution:
         """The continuous solution behind :meth:`simulate`."""
-        return solve(problem, self.rtol, self.atol)
+        if self.integrator == "dop853" or (self.integrator == "auto" and not _has_heyoka()):
+            return solve(problem, self.rtol, self.atol)
+        return solve_taylor(problem)
 
     def _run(self, problem: Problem) -> Recording:
         solution = self.solve(problem)
@@ -51,12 +59,11 @@ class ReferenceEngine(BuiltinEngine):
         return Recording(**{name: getattr(trajectory, name) for name in fields}, steps=solution.evaluations)
 
 
+def _has_heyoka() -> bool:
+    return importlib.util.find_spec("heyoka") is not None
+
+
 def sample_times(duration: float, interval: float, events: list[float]) -> FloatArray:
     """A uniform grid from 0 [s], the end, and the events, sorted and without repeats."""
     grid = interval * np.arange(int(np.floor(duration / interval * (1 + 1e-12))) + 1)
     return np.unique(np.concatenate([grid[grid <= duration], [duration], events]))
-
-
-def at_times_of(solution: Solution, other: Trajectory) -> Trajectory:
-    """The reference at another trajectory's own sample times."""
-    return solution.trajectory(other.t)

@@ -84,5 +84,8 @@ def _refused(sentence: str) -> int:
 
 
 def _interrupted() -> int:
-    print("interrupted; what was finished is kept, and --resume goes on from there.", file=sys.stderr)
+    print(
+        "interrupted; runs that `compare` has finished are kept: `compare --resume` goes on from there.",
+        file=sys.stderr,
+    )
     return _INTERRUPTED

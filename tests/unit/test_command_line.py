@@ -150,7 +150,7 @@ def test_a_broken_tolerance_is_exit_code_1(
 ) -> None:
     from trebucheck.comparisons import tolerances
 
-    strict = tolerances.Bar("reference", "stock", "launch_speed", 1e-10, 1.0, 0)
+    strict = tolerances.Bar("reference", "stock", "launch_speed", 1e-9, 1.0, 0)
     monkeypatch.setattr(tolerances, "BARS", (strict,))
     assert main(["compare", "--engine", "reference", "--model", "fixed", "--out", str(tmp_path)]) == 1
     shown = re.sub(r"\s+", " ", capsys.readouterr().out)

@@ -1,0 +1,58 @@
+"""How long a launch takes with the Taylor integrator, one at a time and in batches: `python benchmarks/taylor.py`.
+
+No test reads this. Times are warm, on one core; the first run of each kind, compilation included, is shown apart.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+
+import numpy as np
+import trebucheck as tb
+from trebucheck.reference.solver import solve
+from trebucheck.reference.taylor import launch_batch, taylor_figures, taylor_launch
+
+RUNS, BATCH, TOLERANCE, DURATION = 15, 1000, 1e-12, 4.0
+BUILDS = {"fixed": tb.fixed, "rolling": tb.rolling}
+
+
+def seconds(function: Callable[[], object], runs: int) -> tuple[float, float]:
+    """Wall time of the first run, and the median of more [s]."""
+    times: list[float] = []
+    for _ in range(runs + 1):
+        started = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - started)
+    return times[0], statistics.median(times[1:])
+
+
+def random_machines(build: Callable[[tb.TrebuchetParameters], tb.Mechanism]) -> list[tb.Mechanism]:
+    """Machines a builder might think of, the same in every run."""
+    random = np.random.default_rng(1)
+    ranges = {"l1": (7, 12.5), "l2": (2.5, 5), "r": (4, 8), "h": (6, 12), "m_b": (30, 150), "m_cw": (1500, 5000)}
+    draws = [{name: random.uniform(*limits) for name, limits in ranges.items()} for _ in range(BATCH)]
+    return [build(tb.TrebuchetParameters(**draw)) for draw in draws]
+
+
+def main() -> None:
+    """Print first and warm times of single launches, and launches per second in a batch."""
+    print(f"{'machine':<10}{'what':<34}{'first [s]':>10}{'warm [ms]':>11}")
+    for name, build in BUILDS.items():
+        problem = tb.Problem(build(), duration=DURATION)
+        launches: dict[str, Callable[[], object]] = {
+            "DOP853, 1e-12": lambda p=problem: solve(p, TOLERANCE, TOLERANCE).launch,
+            "Taylor, 1e-12": lambda p=problem: taylor_launch(p, TOLERANCE),
+            "Taylor, extended precision": lambda p=problem: taylor_figures(p, "extended"),
+        }
+        for what, launch in launches.items():
+            first, warm = seconds(launch, RUNS)
+            print(f"{name:<10}{what:<34}{first:>10.3f}{warm * 1e3:>11.3f}")
+        machines = random_machines(build)
+        first, warm = seconds(lambda m=machines: launch_batch(m, DURATION, TOLERANCE), 5)
+        print(f"{name:<10}{f'batch of {BATCH}':<34}{first:>10.3f}{warm * 1e3:>11.3f}   {BATCH / warm:.0f} per second")
+
+
+if __name__ == "__main__":
+    main()

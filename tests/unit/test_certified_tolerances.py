@@ -1,0 +1,25 @@
+"""A tolerance finer than ten times the reference's own uncertainty is refused, with the reason."""
+
+from __future__ import annotations
+
+import pytest
+from trebucheck.reference.certificate import Uncertainties, refusal
+
+
+@pytest.mark.parametrize("tolerance", [1e-7, 1.0000001e-11, 1e-11])
+def test_coarser_ones_are_judged(tolerance: float) -> None:
+    assert refusal("position_max", "projectile", tolerance, 1e-12) is None
+
+
+def test_finer_ones_are_refused_with_both_numbers() -> None:
+    reason = refusal("position_max", "projectile", 9e-12, 1e-12)
+    assert reason is not None
+    assert "position_max (projectile)" in reason
+    assert "9e-12" in reason and "1e-12" in reason and "10 times" in reason
+
+
+def test_subjects_fall_back_on_the_metric() -> None:
+    known = Uncertainties(source="estimate", values={"position_max": 1e-11, "release_time (sling rest)": 1e-13})
+    assert known.of("position_max", "counterweight") == 1e-11
+    assert known.of("release_time", "sling rest") == 1e-13
+    assert known.of("release_time", "hanger rest") is None

@@ -1,0 +1,184 @@
+"""The Taylor integrator: an integrator and an event finder that share neither steps nor roots with DOP853.
+
+Tolerances are the stated needs of two independent integrators: releases and launch 3e-13 relative on Table I, 1e-11 s
+for releases and 1e-9 for the state at the launch on random machines. Compiled once for each structure, which is why
+few structures are used here.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from conftest import machine_parameters
+from hypothesis import given
+from trebucheck.reference.solver import solve
+from trebucheck.reference.taylor import launch_batch, solve_taylor, taylor_figures, taylor_launch
+
+Build = Callable[[tb.TrebuchetParameters], tb.Mechanism]
+RELATIVE, RELEASE, STATE = 3e-13, 1e-11, 1e-9
+
+
+@pytest.fixture
+def _heyoka() -> None:
+    pytest.importorskip("heyoka", reason="the Taylor integrator is optional: heyoka has wheels for Linux only")
+
+
+needs_heyoka = pytest.mark.usefixtures("_heyoka")
+
+
+@needs_heyoka
+def test_table_one_agrees_with_dop853(build: Build) -> None:
+    problem = tb.Problem(build(tb.TrebuchetParameters()), duration=3.0)
+    taylor, dop853 = solve_taylor(problem), solve(problem)
+    for name in ("hanger rest", "sling rest"):
+        assert taylor.release_times[name] == pytest.approx(dop853.release_times[name], rel=RELATIVE, abs=0)
+    assert taylor.release_times["arm stop"] is None
+    assert taylor.launch is not None and dop853.launch is not None
+    assert taylor.launch.time == pytest.approx(dop853.launch.time, rel=RELATIVE, abs=0)
+    t = np.linspace(0, dop853.launch.time, 700)
+    first, second = taylor.trajectory(t), dop853.trajectory(t)
+    for name in first.markers:
+        apart = first.marker(name).position - second.marker(name).position
+        assert np.abs(apart).max() < 1e-10  # [m], a stated need
+
+
+@needs_heyoka
+def test_the_launch_found_on_the_polynomial_is_that_of_the_solution(build: Build) -> None:
+    problem = tb.Problem(build(tb.TrebuchetParameters()), duration=3.0)
+    fast, scanned = taylor_launch(problem), solve_taylor(problem).launch
+    assert fast is not None and scanned is not None
+    assert fast.time == pytest.approx(scanned.time, rel=1e-14, abs=0)  # some sixty roundings
+    assert fast.speed == pytest.approx(scanned.speed, rel=1e-13, abs=0)
+
+
+@needs_heyoka
+def test_energy_is_kept_to_rounding(build: Build) -> None:
+    solution = solve_taylor(tb.Problem(build(tb.TrebuchetParameters()), duration=3.0))
+    assert solution.launch is not None
+    energy = solution.trajectory(np.linspace(0, solution.launch.time, 1500)).total_energy
+    assert np.abs(energy / energy[0] - 1).max() < 1e-13  # a stated need
+
+
+@needs_heyoka
+@given(parameters=machine_parameters())
+def test_random_machines_agree_with_dop853(build: Build, parameters: tb.TrebuchetParameters) -> None:
+    problem = tb.Problem(build(parameters), duration=4.0)
+    figures, dop853 = taylor_figures(problem, "double"), solve(problem)
+    # A projectile that never leaves its rest is not launched.
+    launch = dop853.launch if dop853.release_times["sling rest"] is not None else None
+    assert (launch is None) == (figures.launch_time is None)
+    end = math.inf if launch is None else launch.time
+    for name, expected in dop853.release_times.items():
+        if expected is not None and expected < end:
+            assert figures.release_times[name] == pytest.approx(expected, abs=RELEASE, rel=0)
+    if launch is not None:
+        motion = dop853.motion(np.array([launch.time]))
+        assert figures.launch_q == pytest.approx(motion.q[0], abs=STATE)
+        assert figures.launch_u == pytest.approx(motion.u[0], abs=STATE)
+
+
+@needs_heyoka
+@pytest.mark.skipif(
+    np.finfo(np.longdouble).eps >= np.finfo(np.float64).eps, reason="this machine has no long double of its own"
+)
+def test_extended_precision_confirms_the_double_one() -> None:
+    problem = tb.Problem(tb.fixed(), duration=3.0)
+    double, extended = (taylor_figures(problem, precision) for precision in ("double", "extended"))
+    assert isinstance(extended.launch_time, np.longdouble)
+    # Forty steps of a few roundings each; were "extended" computed in doubles, the two would be equal.
+    assert 0 < abs(extended.launch_time - double.launch_time) < 40 * np.finfo(np.float64).eps * 10
+    # The checked figures' last printed digit.
+    assert float(extended.launch_time) == pytest.approx(2.742817755771455, abs=1e-15)
+    assert float(extended.start_torques["hanger rest"]) == pytest.approx(79630.193261, abs=5e-7)
+    assert float(extended.start_torques["sling rest"]) == pytest.approx(2671.729500, abs=5e-7)
+    assert extended.start_torques["arm stop"] == 0
+
+
+@needs_heyoka
+def test_impacts_agree_with_dop853() -> None:
+    """The fixed machine under the unilateral law: its arm meets the arm stop after the launch and bounces."""
+    machine = tb.fixed()
+    stops = [s.model_copy(update={"restitution": 0.5}) if s.name == "arm stop" else s for s in machine.stops]
+    machine = tb.Mechanism(**{**dict(machine), "stops": tuple(stops)})
+    problem = tb.Problem(machine, duration=3.5, stop_law="unilateral")
+    taylor, dop853 = solve_taylor(problem), solve(problem)
+    assert len(taylor.impacts) == len(dop853.impacts) > 0
+    for (time, impulses), (expected_time, expected) in zip(taylor.impacts, dop853.impacts, strict=True):
+        # After the launch errors grow with every swing: a stated need of 1e-9 s and 1e-7 relative.
+        assert time == pytest.approx(expected_time, abs=1e-9)
+        assert impulses == pytest.approx(expected, rel=1e-7, abs=1e-6)
+    assert taylor.release_times == pytest.approx(dop853.release_times, abs=RELEASE)
+
+
+@needs_heyoka
+def test_a_loop_of_joints_holds() -> None:
+    """A crank whose tip runs in a level slot, as in the closed forms: against DOP853, and on its line."""
+    mechanism = tb.Mechanism(
+        name="slider crank",
+        bodies=(
+            tb.Body(name="crank", angle="a", mass=2.0, centre=(0.5, 0), inertia=0.2),
+            tb.Body(name="rod", angle="b", mass=1.0, centre=(1.0, 0.1), inertia=0.3),
+        ),
+        joints=(
+            tb.PinJoint(name="pivot", parent="ground", child="crank", parent_point=(0, 0), child_point=(0, 0)),
+            tb.PinJoint(name="elbow", parent="crank", child="rod", parent_point=(1, 0), child_point=(0, 0)),
+            tb.SlotJoint(name="slot", child="rod", parent_point=(0, 0), child_point=(2, 0), axis=(1, 0)),
+        ),
+        markers=(tb.Marker(name="tip", body="rod", point=(2, 0)),),
+        gravity=9.81,
+        start=(-math.pi / 3, math.asin(math.sin(math.pi / 3) / 2)),
+    )
+    problem, t = tb.Problem(mechanism, duration=2.0), np.linspace(0, 2, 200)
+    taylor, dop853 = solve_taylor(problem).motion(t), solve(problem).motion(t)
+    assert np.abs(taylor.q - dop853.q).max() < 1e-10
+    row = solve(problem).equations.kinematics.point("rod", (2, 0))
+    assert np.abs(solve(problem).equations.kinematics.position(row, taylor.q)[:, 1]).max() < 1e-12
+
+
+@needs_heyoka
+def test_a_batch_is_its_machines_one_by_one(build: Build) -> None:
+    """More machines than lanes; among them one that drops a rest at the start and one that throws nothing in time."""
+    parameters = [tb.TrebuchetParameters(l1=l1) for l1 in np.linspace(8.0, 12.5, 19)]
+    parameters.append(tb.TrebuchetParameters(l1=12.9, l2=1.1))  # beyond 12.725 on this beam a rest would have to pull
+    parameters.append(tb.TrebuchetParameters(g=0.1))
+    machines = [build(p) for p in parameters]
+    batch = launch_batch(machines, duration=3.5)
+    assert not batch.launched[-1] and np.isnan(batch.time[-1]) and np.isnan(batch.speed[-1])
+    assert batch.launched[:-2].all()
+    for i, machine in enumerate(machines):
+        figures = taylor_figures(tb.Problem(machine, duration=3.5), "double", tolerance=1e-12)
+        assert batch.launched[i] == (figures.launch_time is not None)
+        for name, released in figures.release_times.items():
+            expected = math.nan if released is None else float(released)
+            # The same tolerance, 1e-12 a step, over some forty steps.
+            assert batch.release_times[name][i] == pytest.approx(expected, abs=1e-11, nan_ok=True)
+        if figures.launch_time is not None:
+            assert batch.time[i] == pytest.approx(float(figures.launch_time), abs=1e-11)
+            assert batch.q[i] == pytest.approx(figures.launch_q, abs=1e-10)
+            assert batch.u[i] == pytest.approx(figures.launch_u, abs=1e-9)
+
+
+@needs_heyoka
+def test_what_cannot_be_asked_for() -> None:
+    problem = tb.Problem(tb.fixed(), duration=1.0)
+    with pytest.raises(tb.InputError, match=r"tolerance = 0\.5"):
+        solve_taylor(problem, tolerance=0.5)
+    with pytest.raises(tb.InputError, match="precision = 'quad'"):
+        solve_taylor(problem, precision="quad")  # type: ignore[arg-type]
+    with pytest.raises(tb.InputError, match=r"mechanisms\[1\] \('rolling'\)"):
+        launch_batch([tb.fixed(), tb.rolling()])
+    with pytest.raises(tb.InputError, match="mechanisms is empty"):
+        launch_batch([])
+
+
+def test_without_heyoka_one_sentence_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "heyoka", None)
+    machine = tb.fixed(tb.TrebuchetParameters())
+    with pytest.raises(tb.EngineNotInstalledError, match=r"^the Taylor integrator needs heyoka.*brings it\.$"):
+        # Another tolerance than elsewhere here: what is compiled already needs no import.
+        solve_taylor(tb.Problem(machine, duration=1.0), tolerance=3e-5)
