@@ -24,7 +24,7 @@ test: $(VENV)/installed
 	$(BIN)/python -m pytest
 
 quick: $(VENV)/installed
-	$(BIN)/python -m pytest tests/unit tests/verification -k "not random and not slow" --exitfirst
+	$(BIN)/python -m pytest tests/unit tests/verification -m "not slow" -n 2
 
 lint: $(VENV)/installed
 	$(BIN)/ruff check .

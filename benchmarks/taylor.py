@@ -8,6 +8,7 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import trebucheck as tb
@@ -28,6 +29,11 @@ def seconds(function: Callable[[], object], runs: int) -> tuple[float, float]:
     return times[0], statistics.median(times[1:])
 
 
+def dop853_launch(problem: tb.Problem) -> tb.Launch | None:
+    """The same launch by the other integrator."""
+    return solve(problem, TOLERANCE, TOLERANCE).launch
+
+
 def random_machines(build: Callable[[tb.TrebuchetParameters], tb.Mechanism]) -> list[tb.Mechanism]:
     """Machines a builder might think of, the same in every run."""
     random = np.random.default_rng(1)
@@ -42,15 +48,15 @@ def main() -> None:
     for name, build in BUILDS.items():
         problem = tb.Problem(build(), duration=DURATION)
         launches: dict[str, Callable[[], object]] = {
-            "DOP853, 1e-12": lambda p=problem: solve(p, TOLERANCE, TOLERANCE).launch,
-            "Taylor, 1e-12": lambda p=problem: taylor_launch(p, TOLERANCE),
-            "Taylor, extended precision": lambda p=problem: taylor_figures(p, "extended"),
+            "DOP853, 1e-12": partial(dop853_launch, problem),
+            "Taylor, 1e-12": partial(taylor_launch, problem, TOLERANCE),
+            "Taylor, extended precision": partial(taylor_figures, problem, "extended"),
         }
         for what, launch in launches.items():
             first, warm = seconds(launch, RUNS)
             print(f"{name:<10}{what:<34}{first:>10.3f}{warm * 1e3:>11.3f}")
         machines = random_machines(build)
-        first, warm = seconds(lambda m=machines: launch_batch(m, DURATION, TOLERANCE), 5)
+        first, warm = seconds(partial(launch_batch, machines, DURATION, TOLERANCE), 5)
         print(f"{name:<10}{f'batch of {BATCH}':<34}{first:>10.3f}{warm * 1e3:>11.3f}   {BATCH / warm:.0f} per second")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from scipy.interpolate import KroghInterpolator
 from scipy.optimize import brentq
 
 from .arrays import FloatArray
+from .mechanism import Mechanism
 
 LAUNCH_ANGLE = math.pi / 4
 """45 degrees above the horizontal, the paper's choice."""
@@ -26,6 +27,12 @@ class Launch:
     time: float
     speed: float
     velocity: tuple[float, float]
+
+
+def rest_opened(mechanism: Mechanism, body: str, release_times: Mapping[str, float | None]) -> float | None:
+    """When the last of a body's own rests opened [s]: 0 if it has none, None if one is still closed."""
+    times = [release_times.get(stop.name) for stop in mechanism.stops if stop.body == body and stop.closed]
+    return None if None in times else max((time for time in times if time is not None), default=0.0)
 
 
 def lead(velocity: FloatArray, angle: float = LAUNCH_ANGLE) -> FloatArray:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 from .arrays import FloatArray
 from .errors import InputError
 from .kinematics import Kinematics
-from .launch import Launch, locate_launch
+from .launch import Launch, locate_launch, rest_opened
 from .mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -142,15 +142,11 @@ class Trajectory:
             angle: above the horizontal [rad]; 45 degrees if left out.
             marker: which point is thrown.
         """
-        return locate_launch(
-            self.t, self.marker(marker).position, self.marker(marker).velocity, angle, self._rest_opened(marker)
-        )
-
-    def _rest_opened(self, marker: str) -> float:
-        """When the last stop of the marker's own body opened [s]; 0 where none did."""
         body = next(m.body for m in self.mechanism.markers if m.name == marker)
-        times = [self.release_times.get(stop.name) for stop in self.mechanism.stops if stop.body == body]
-        return max((time for time in times if time is not None), default=0.0)
+        opened = rest_opened(self.mechanism, body, self.release_times)
+        if opened is None:
+            return None
+        return locate_launch(self.t, self.marker(marker).position, self.marker(marker).velocity, angle, opened)
 
 
 def _named(what: str, name: str, among: Mapping[str, _T]) -> _T:

@@ -70,7 +70,9 @@ def launch_batch(
     if not mechanisms:
         raise InputError("mechanisms is empty; at least one is needed.")
     _refuse_unlike(mechanisms)
-    machines = _Machines([Problem(mechanism, duration) for mechanism in mechanisms])
+    first = Problem(mechanisms[0], duration)
+    # Copies: each mechanism is valid already, and to validate it again takes as long as to integrate it.
+    machines = _Machines([first.model_copy(update={"mechanism": mechanism}) for mechanism in mechanisms])
     lanes = int(heyoka().recommended_simd_size())
     with batch_pool(machines.structure, tolerance, lanes).lend() as integrator:
         return _Lanes(integrator, machines, duration).run()
@@ -113,6 +115,12 @@ class _Machines:
         self.states = np.ascontiguousarray(np.array(starts, dtype=np.float64).T)
         self.released_at_start = np.zeros((len(problems), len(self.stops)), dtype=bool)
         self._begin()
+        self.projectiles = [
+            kinematics.point(marker.body, marker.point)
+            for kinematics, problem in zip(self.kinematics, problems, strict=True)
+            for marker in problem.mechanism.markers
+            if marker.name == PROJECTILE
+        ]
         body = next(marker.body for marker in first.mechanism.markers if marker.name == PROJECTILE)
         self.rests = np.array([first.mechanism.stop(name).body == body for name in self.stops], dtype=bool)
 
@@ -134,10 +142,8 @@ class _Machines:
 
     def velocity(self, i: int, state: FloatArray) -> FloatArray:
         """Of the projectile of machine i [m/s], shape (2,)."""
-        mechanism, kinematics = self.problems[i].mechanism, self.kinematics[i]
-        marker = next(marker for marker in mechanism.markers if marker.name == PROJECTILE)
-        n_q = len(state) // 2
-        return kinematics.velocity(kinematics.point(marker.body, marker.point), state[:n_q], state[n_q:])
+        n_q = self.structure.n_q
+        return self.kinematics[i].velocity(self.projectiles[i], state[:n_q], state[n_q:])
 
 
 class _Lanes:
@@ -151,7 +157,7 @@ class _Lanes:
         self.state, self.pars = integrator.state, integrator.pars
         n = len(machines.problems)
         self.waiting = iter(range(n))
-        self.machine = np.full(integrator.batch_size, -1)
+        self.machine = [-1] * int(integrator.batch_size)
         self.releases = np.where(machines.released_at_start, 0.0, np.nan)
         self.time = np.full(n, np.nan)
         self.at_launch = np.full((n, 2 * self.structure.n_q), np.nan)
@@ -162,9 +168,9 @@ class _Lanes:
         success = heyoka().taylor_outcome.success
         for lane in range(len(self.machine)):
             self._load(lane)
-        while np.any(self.machine >= 0):
+        while max(self.machine) >= 0:
             self.integrator.step()
-            late = self.integrator.time > self.duration
+            late = (self.integrator.time > self.duration).tolist()
             for lane, (outcome, _) in enumerate(self.integrator.step_res):
                 if self.machine[lane] < 0:
                     continue
@@ -213,13 +219,15 @@ class _Lanes:
         while np.any(opened):  # stops that would have to pull now open at the same instant
             self.releases[self.machine[lane], opened] = self.integrator.time[lane]
             self.pars[held, lane][opened] = 0.0
+            if not np.any(self.pars[held, lane]):
+                break
             pars = self.pars[: held.stop, lane].copy()
             opened = torque_function(self.structure, np.float64)(self.state[:-1, lane].copy(), pars=pars) < 0
         self._look_for_launch(lane)
 
     def _is_launch(self, lane: int) -> bool:
         """Note a launch; the opposite direction is none, nor is a start from rest."""
-        i, time, state = int(self.machine[lane]), float(self.integrator.time[lane]), self.state[:-1, lane].copy()
+        i, time, state = self.machine[lane], float(self.integrator.time[lane]), self.state[:-1, lane].copy()
         vx, vy = velocity = self.machines.velocity(i, state)
         if time < _AT_ONCE or vx * np.cos(LAUNCH_ANGLE) + vy * np.sin(LAUNCH_ANGLE) <= 0:
             return False

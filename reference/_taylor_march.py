@@ -29,7 +29,8 @@ _AT_ONCE = 1e-9  # [s] from rest no projectile turns down through the launch dir
 _ROUNDING = 1e-12  # [rad] a gap this little off zero may be zero
 _STANDING = 1e-9  # [rad/s] a gap speed below this is rounding
 _CLEAR = 1e-13  # [rad] a gap this wide is clearly open
-_OPENING = (1e-12, 1e-4)  # [s] in the longer one a gap that opens with the cube of time gets some 1e-12 rad wide
+_DRIFT = 1e-10  # [rad] as far below zero a gap may get while it is held, or by a rebound too small to be followed
+_OPENING = 1e-4  # [s] by then a gap that opens with the cube of time is some 1e-12 rad wide
 
 
 @dataclass(frozen=True)
@@ -185,19 +186,45 @@ class March:
     def _while_opening(self, integrator: Any, moment: Moment, record: bool) -> int | None:
         """Stretches in which gaps that open from zero are not looked at, only whether they are open at the end.
 
-        Such a gap begins with a root (a triple one after a release) amid rounding, which no root finder resolves.
+        Such a gap begins with a root (a triple one after a release) amid rounding, which no root finder resolves. One
+        that stands still at zero is looked at after ever longer stretches.
         """
-        opening = self._opening(moment)
+        waiting = self._opening(moment)
         watched = integrator.pars[self.structure.watched]
-        watched[list(opening)] = 0.0
-        for k, stretch in sorted(opening.items(), key=lambda item: item[1]):
-            index = self._piece(integrator, moment, min(moment.t + stretch, self.problem.duration), record)
+        watched[list(waiting)] = 0.0
+        while waiting and moment.t < self.problem.duration:
+            k = min(waiting, key=lambda stop: waiting[stop])
+            index = self._piece(integrator, moment, min(moment.t + waiting[k], self.problem.duration), record)
             if index is not None:
                 return index
+            gap, speed = self._gap(self.stops[k], np.array(integrator.state, dtype=np.float64))
+            if abs(gap) <= _ROUNDING and abs(speed) <= _STANDING and float(integrator.time) < self.problem.duration:
+                waiting[k] *= 4
+                continue
+            del waiting[k]
             watched[k] = 1.0
-            if self.kinematics.gap(self.stops[k], np.array(integrator.state[: self.n_q], dtype=np.float64)) < 0:
+            if gap < _CLEAR / 4 and speed < -_STANDING:  # it has come back, within rounding
                 return k
         return None
+
+    def _opening(self, moment: Moment) -> dict[int, float]:
+        """Open stops whose gap is zero within rounding, and how long each takes to be clearly open, or shut [s]."""
+        state = np.concatenate([moment.q, moment.u])
+        gaps = {w.stop: self._gap(w.stop, state) for w in self.active_set.watched(moment) if w.closes}
+        opening = {stop: (gap, v) for stop, (gap, v) in gaps.items() if -_DRIFT <= gap <= _ROUNDING}
+        if not opening:
+            return {}
+        a = self.equations.solve(moment.q, moment.u, moment.closed)[0]
+        found: dict[int, float] = {}
+        for stop, (gap, speed) in opening.items():
+            acceleration = float(self.kinematics.gap_row(stop) @ a)
+            found[self.stops.index(stop)] = _time_to_clear(_CLEAR + max(-gap, 0.0), speed, acceleration)
+        return found
+
+    def _gap(self, stop: str, state: FloatArray) -> tuple[float, float]:
+        """Gap and gap speed of a stop [rad, rad/s]."""
+        q, u = state[: self.n_q], state[self.n_q : 2 * self.n_q]
+        return float(self.kinematics.gap(stop, q)), float(self.kinematics.gap_row(stop) @ u)
 
     def _event(self, integrator: Any, outcome: int) -> int | None:
         """Which event function fell through zero; None at the time limit."""
@@ -206,24 +233,16 @@ class March:
             raise SimulationError(f"the reference's motion is not finite after t = {float(integrator.time):.6g} s.")
         return None if outcome == limit else -outcome - 1
 
-    def _opening(self, moment: Moment) -> dict[int, float]:
-        """Open stops whose gap is zero within rounding, and how long each takes to be clearly open [s]."""
-        found: dict[int, float] = {}
-        for watch in self.active_set.watched(moment):
-            if watch.closes and abs(self.kinematics.gap(watch.stop, moment.q)) <= _ROUNDING:
-                speed = float(self.kinematics.gap_row(watch.stop) @ moment.u)
-                found[self.stops.index(watch.stop)] = float(np.clip(_CLEAR / max(speed, _STANDING), *_OPENING))
-        return found
-
     def _watch(self, moment: Moment, index: int) -> Watch:
         stop = self.stops[index]
         return Watch(stop, closes=stop not in moment.closed)
 
     def _closes_at_once(self, moment: Moment) -> Watch | None:
         """A gap that is zero, or a rounding below, on its way down: it never falls through zero from above."""
+        state = np.concatenate([moment.q, moment.u])
         for watch in self.active_set.watched(moment):
-            touches = watch.closes and -_ROUNDING <= self.kinematics.gap(watch.stop, moment.q) <= 0
-            if touches and float(self.kinematics.gap_row(watch.stop) @ moment.u) < -_STANDING:
+            gap, speed = self._gap(watch.stop, state)
+            if watch.closes and -_DRIFT <= gap <= 0 and speed < -_STANDING:
                 return watch
         return None
 
@@ -250,6 +269,15 @@ class March:
         for name, released in self.active_set.releases.items():
             if released is not None and self.release_times[name] is None:
                 self.release_times[name] = self.real(integrator.time)
+
+
+def _time_to_clear(height: float, speed: float, acceleration: float) -> float:
+    """How long a gap takes to `height` [rad]; or to shut again, if the rebound does not get as high [s]."""
+    if speed <= _STANDING:
+        return _OPENING
+    if acceleration < 0 and speed**2 < -4 * acceleration * height:  # its top is lower than twice that
+        return -2 * speed / acceleration
+    return min(height / speed, _OPENING)
 
 
 def _real_of(precision: str) -> RealType:

@@ -12,7 +12,7 @@ from scipy.integrate import OdeSolution
 
 from ..models.arrays import FloatArray
 from ..models.errors import InputError
-from ..models.launch import LAUNCH_ANGLE, Launch, launch_interval, launch_on
+from ..models.launch import LAUNCH_ANGLE, Launch, launch_interval, launch_on, rest_opened
 from ..models.mechanism import SlotJoint
 from ..models.problem import Problem
 from ..models.trajectory import PointMotion, Provenance, Trajectory
@@ -131,8 +131,9 @@ class Solution:
             motion = self.motion(t)
             return self.equations.kinematics.velocity(row, motion.q, motion.u)
 
-        opened = [self.release_times[stop.name] for stop in self.problem.mechanism.stops if stop.body == found.body]
-        after = max((time for time in opened if time is not None), default=0.0)
+        after = rest_opened(self.problem.mechanism, found.body, self.release_times)
+        if after is None:
+            return None
         end = self.segments[-1].end
         scan = np.linspace(after, end, max(2, int((end - after) / _LAUNCH_SCAN) + 2))
         i = launch_interval(velocity(scan), angle)

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from trebucheck.models.launch import locate_launch
+import trebucheck as tb
+from trebucheck.models.launch import locate_launch, rest_opened
 
 RATE, FIRST = 3.0, math.radians(120)
 ROUNDING = 1e-12  # 1e-15 m over 0.01 s, over a turning rate of 15 m/s^2, with room for the divided differences
@@ -70,3 +71,12 @@ def test_only_after_the_rest_has_opened() -> None:
 def test_a_handful_of_samples_will_do() -> None:
     t = np.array([0.4, 0.45])
     assert locate_launch(t, *_turning(t)) is not None
+
+
+def test_a_projectile_on_its_rest_is_not_launched() -> None:
+    """Its rest never opens, though its velocity turns down through 45 degrees as the whole machine swings."""
+    machine = tb.fixed()
+    times = {"hanger rest": 1.0, "sling rest": None, "arm stop": None}
+    assert rest_opened(machine, "sling", times) is None
+    assert rest_opened(machine, "sling", {**times, "sling rest": 1.4}) == 1.4
+    assert rest_opened(machine, "arm", times) == 0.0

@@ -27,6 +27,8 @@ from trebucheck.reference.figures import Key
 from trebucheck.reference.redundant import solve_redundant
 from trebucheck.reference.solver import solve
 
+pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
+
 BUILD = {"fixed": tb.fixed, "rolling": tb.rolling}
 
 

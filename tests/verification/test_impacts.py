@@ -14,6 +14,8 @@ from trebucheck.reference.equations import Equations
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
+pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
+
 G, MASS, LENGTH = 9.81, 3.0, 2.0
 LEVEL, DOWN = 0.0, math.pi / 2
 

@@ -12,6 +12,8 @@ from hypothesis import given
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
+pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
+
 Build = Callable[[tb.TrebuchetParameters], tb.Mechanism]
 
 

@@ -1,5 +1,7 @@
 """Redundant coordinates against minimal ones: two formulations, two event finders, one motion.
 
+pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
+
 Needs: release times to 1e-9 s, states up to the launch to 1e-9 (rad, m, rad/s, m/s), forces to 1e-9 relative.
 """
 

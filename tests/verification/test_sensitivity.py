@@ -20,6 +20,8 @@ from trebucheck.reference.equations import Equations
 from trebucheck.reference.sensitivity import Sensitivities, marker_tangent, sensitivities, state_tangent
 from trebucheck.reference.solver import solve
 
+pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
+
 Build = Callable[[tb.TrebuchetParameters], tb.Mechanism]
 LENGTHS, MASSES = ("l1", "l2", "r", "h"), ("m_b", "m_cw", "m_a")
 RESTS = ("hanger rest", "sling rest")

@@ -16,8 +16,11 @@ import pytest
 import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given
+from scipy.special import ellipk
 from trebucheck.reference.solver import solve
 from trebucheck.reference.taylor import launch_batch, solve_taylor, taylor_figures, taylor_launch
+
+pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
 
 Build = Callable[[tb.TrebuchetParameters], tb.Mechanism]
 RELATIVE, RELEASE, STATE = 3e-13, 1e-11, 1e-9
@@ -113,6 +116,55 @@ def test_impacts_agree_with_dop853() -> None:
         assert time == pytest.approx(expected_time, abs=1e-9)
         assert impulses == pytest.approx(expected, rel=1e-7, abs=1e-6)
     assert taylor.release_times == pytest.approx(dop853.release_times, abs=RELEASE)
+
+
+def _pendulum(restitution: float, limit: float) -> tb.Mechanism:
+    """A bob let go level, with a stop at `limit`."""
+    return tb.Mechanism(
+        name="pendulum",
+        bodies=(tb.Body(name="bob", angle="beta", mass=3.0, centre=(2.0, 0), inertia=0),),
+        joints=(tb.PinJoint(name="pivot", parent="ground", child="bob", parent_point=(0, 0), child_point=(0, 0)),),
+        stops=(tb.Stop(name="stop", body="bob", sense=-1, limit=-limit, closed=False, restitution=restitution),),
+        gravity=9.81,
+        start=(0.0,),
+    )
+
+
+@needs_heyoka
+def test_a_motion_in_every_fourth_power_of_time_keeps_its_step_short() -> None:
+    """From level, theta has t^2, t^6, t^10, ...: of any two neighbouring coefficients both may be zero."""
+    problem = tb.Problem(_pendulum(0.0, math.pi / 2), duration=2.0, stop_law="unilateral")
+    ((time, _),) = solve_taylor(problem).impacts
+    assert time == pytest.approx(math.sqrt(2.0 / 9.81) * float(ellipk(0.5)), rel=1e-14)
+
+
+@needs_heyoka
+@pytest.mark.parametrize("e", [0.3, 0.7])
+def test_bouncing_settles(e: float) -> None:
+    """Down to rebounds of 1e-6 rad/s; a missed one would leave the bob beyond its stop."""
+    problem = tb.Problem(_pendulum(e, math.pi / 6), duration=6.0, stop_law="unilateral")
+    taylor, dop853 = solve_taylor(problem), solve(problem)
+    assert abs(len(taylor.impacts) - len(dop853.impacts)) <= 1
+    # Rebounds above 1e-4 rad/s: flight times of 1e-5 s and more, located in angles rounded to 1e-16.
+    shared = [(a[0], b[0]) for a, b in zip(taylor.impacts, dop853.impacts, strict=False) if a[1]["stop"] > 1e-3]
+    assert len(shared) > 5
+    assert all(first == pytest.approx(second, abs=1e-10) for first, second in shared)
+    end = taylor.motion(np.array([6.0]))
+    assert end.q[0, 0] == pytest.approx(math.pi / 6, abs=1e-12)
+    assert end.u[0, 0] == pytest.approx(0.0, abs=1e-12)
+
+
+@needs_heyoka
+def test_rattling_between_two_rests_ends() -> None:
+    """Kicked at the start, two closed rests throw the machine to and fro; none may be lost on the way."""
+    machine = tb.fixed()
+    for kick in ((1e-4, 0.0, 0.0), (0.0, -1e-3, 0.0)):
+        kicked = tb.Mechanism(**{**dict(machine), "start_speeds": kick})
+        solution = solve_taylor(tb.Problem(kicked, duration=2.8, stop_law="unilateral"))
+        trajectory = solution.trajectory(np.linspace(0.0, 2.5, 500))
+        # As wide as the smallest rebound that is followed (1e-6 rad/s at an acceleration of 1 rad/s^2 and more).
+        assert min(trajectory.stop_gap(name).min() for name in ("hanger rest", "sling rest")) > -1e-12
+        assert solution.launch is not None
 
 
 @needs_heyoka
