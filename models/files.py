@@ -47,7 +47,7 @@ def write_text(path: str | Path, text: str) -> None:
         InputError: the folder cannot be made or written to.
     """
     with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
 def refuse_unwritable(folder: str | Path) -> None:

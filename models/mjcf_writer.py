@@ -12,13 +12,12 @@ the shortest decimal that reads back to the same bits.
 from __future__ import annotations
 
 import math
-import os
-import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from .errors import InputError, UnsupportedProblemError
+from .files import write_text
 from .kinematics import Kinematics
 from .mechanism import GROUND, Body, Mechanism, PinJoint, SlotJoint, Stop
 from .spec import Vector
@@ -126,27 +125,9 @@ def write_model_folder(mechanism: Mechanism, folder: str | Path, timestep: float
         UnsupportedProblemError: as :func:`mjcf`.
     """
     texts = {MODEL_FILE: mjcf(mechanism, timestep), SCENE_FILE: scene(mechanism)}
-    folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, text in texts.items():
-            _replace(folder / name, text)
-    except OSError as error:
-        raise InputError(f"{folder} cannot be written to: {error.strerror or error}.") from None
-    return folder / MODEL_FILE, folder / SCENE_FILE
-
-
-def _replace(path: Path, text: str) -> None:
-    """Write beside the file and rename: a reader sees the old text or the new one."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-        Path(temporary).chmod(0o644)  # mkstemp makes files only their owner can read
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    for name, text in texts.items():
+        write_text(Path(folder) / name, text)
+    return Path(folder) / MODEL_FILE, Path(folder) / SCENE_FILE
 
 
 def hinge_chain(mechanism: Mechanism, body: str) -> tuple[str, ...]:

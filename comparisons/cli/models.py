@@ -50,7 +50,7 @@ def export_command(
     timestep: Annotated[float, typer.Option("--timestep", help="Step written into the MJCF (s).")] = 1e-3,
     out: Annotated[Path | None, typer.Option("--out", help="Folder to write; the machine's name by default.")] = None,
 ) -> None:
-    """Write a machine's MJCF folder (trebuchet.xml, scene.xml, README.md, LICENSE, CHANGELOG.md).
+    """Write a machine's MJCF: trebuchet.xml, and scene.xml with light, floor and camera to open it in the viewer.
 
     Example: trebucheck models export rolling --set r=7 --out my-rolling
     """
