@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.summary import COLUMNS
+from trebucheck.reference.certificate import load_certificate
 
 README = Path(__file__).parents[2] / "README.md"
 # Two printed digits, and figures near rounding (MuJoCo's, Exudyn's torques) move with the build of the engine.
@@ -37,3 +38,12 @@ def test_table(engine_name: str) -> None:
             assert found is not None
             factor = ROUNDING if found < 1e-7 or column.unit == "N m" else FACTOR
             assert float(printed) == pytest.approx(found, rel=factor - 1), (model, row[0], column.title)
+
+
+def test_the_certified_launch_time() -> None:
+    certificate = load_certificate(tb.fixed())
+    assert certificate is not None
+    figure = certificate.figure("launch_time")
+    assert figure is not None
+    text = " ".join(README.read_text().split())
+    assert f"{figure.texts[0]} s, known to {figure.uncertainty:.0e} s" in text

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import doctest
+import importlib
 import subprocess
 import sys
 
@@ -80,3 +82,10 @@ def test_steps_that_cannot_be_taken_are_refused() -> None:
         tb.engine("reference", timestep=0.5).simulate(tb.Problem(tb.fixed(), duration=0.1))
     with pytest.raises(tb.InputError, match="steps of"):
         tb.engine("reference", timestep=1e-12).simulate(tb.Problem(tb.fixed(), duration=1.0))
+
+
+@pytest.mark.parametrize("module", ["trebucheck", "trebucheck.reference.throw"])
+def test_examples_in_docstrings_are_true(module: str) -> None:
+    failed, tried = doctest.testmod(importlib.import_module(module))
+    assert tried > 0
+    assert failed == 0
