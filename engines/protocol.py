@@ -27,6 +27,7 @@ from ..models.spec import Positive, Spec
 from ..models.trajectory import PointMotion, Provenance, Trajectory
 
 _MOST_STEPS = 20_000_000
+_ABSENT = "not installed"
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ def _version_of(package: str) -> str:
     try:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
-        return "not installed"
+        return _ABSENT
 
 
 class BuiltinEngine(Spec, ABC):
@@ -127,8 +128,8 @@ class BuiltinEngine(Spec, ABC):
 
     @classmethod
     def is_installed(cls) -> bool:
-        """Whether the engine's package can be found."""
-        return importlib.util.find_spec(cls.package) is not None
+        """Whether the engine's package is here: installed, and not only a folder left by another one."""
+        return importlib.util.find_spec(cls.package) is not None and cls.version() != _ABSENT
 
     @classmethod
     def version(cls) -> str:
