@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import sys
 from dataclasses import replace
@@ -139,6 +140,19 @@ def test_tolerances_grow_with_the_order_and_do_not_sharpen() -> None:
     assert _tolerance(1e-5) == pytest.approx(2.5e-5)
     assert _tolerance(1e-3, table_one=False) == pytest.approx(2e-2)
     assert _tolerance(1e-3, name="position_rms") is None
+
+
+def test_a_tolerance_finer_than_the_reference_can_vouch_for_is_refused_and_the_report_says_why(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from trebucheck.comparisons import tolerances
+
+    too_fine = tolerances.Bar("reference", "tuned", "launch_speed", 1e-13, 1.0, 0)
+    monkeypatch.setattr(tolerances, "BARS", (too_fine,))
+    comparison = _compare()
+    metric = comparison.results.runs[0].metric("launch_speed")
+    assert metric is not None and metric.holds is None and metric.note is not None
+    assert html.escape(metric.note, quote=True).replace("&#x27;", "&#39;") in report_html(comparison)
 
 
 def test_beyond_the_launch_only_invariants_are_judged() -> None:
