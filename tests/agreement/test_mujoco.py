@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from table_one import MACHINES, error, reference
 from trebucheck.engines.mujoco_ import MujocoEngine
 from trebucheck.engines.reference_ import ReferenceEngine
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
@@ -20,35 +21,19 @@ from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.trajectory import Trajectory
 from trebucheck.models.trebuchet import ARM_STOP, HANGER_REST, PROJECTILE, SLING_REST, fixed, rolling
 from trebucheck.reference.equations import Equations
-from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
 mujoco: Any = pytest.importorskip("mujoco")
 
-MACHINES = {"fixed": fixed(), "rolling": rolling()}
 RESTS = (HANGER_REST, SLING_REST)
 STEPS = np.array([1e-2, 4e-3, 1e-3, 2.5e-4])
 machines = pytest.mark.parametrize("name", MACHINES)
 
 
 @functools.cache
-def reference(name: str) -> Solution:
-    """Reference motion of Table I, up to the launch."""
-    launch = solve(Problem(MACHINES[name], 2.8)).launch
-    assert launch is not None
-    return solve(Problem(MACHINES[name], launch.time))
-
-
-@functools.cache
 def run(name: str, timestep: float = 1e-3, preset: str = "tuned", **options: object) -> Trajectory:
     """Table I up to the launch."""
     return MujocoEngine.presets()[preset](timestep=timestep, **options).simulate(reference(name).problem)
-
-
-def error(trajectory: Trajectory, exact: Solution, marker: str = PROJECTILE) -> float:
-    """Largest distance of a marker from the reference [m]."""
-    there = exact.trajectory(trajectory.t).marker(marker).position
-    return float(np.linalg.norm(trajectory.marker(marker).position - there, axis=1).max())
 
 
 def chain(**changes: object) -> Mechanism:

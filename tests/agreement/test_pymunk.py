@@ -8,6 +8,7 @@ import sys
 
 import numpy as np
 import pytest
+from table_one import MACHINES, error, reference
 from trebucheck.engines.pymunk_ import PymunkEngine
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
 from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, SlotJoint, Stop
@@ -15,34 +16,18 @@ from trebucheck.models.parameters import TrebuchetParameters
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.trajectory import Trajectory
 from trebucheck.models.trebuchet import COUNTERWEIGHT, FULCRUM, HANGER_REST, PROJECTILE, SLING_REST, fixed, rolling
-from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
 pytest.importorskip("pymunk")
 
-MACHINES = {"fixed": fixed(), "rolling": rolling()}
 STEPS = np.array([4e-3, 2e-3, 1e-3])
 machines = pytest.mark.parametrize("name", MACHINES)
-
-
-@functools.cache
-def reference(name: str) -> Solution:
-    """Reference motion of Table I, up to the launch."""
-    launch = solve(Problem(MACHINES[name], 2.8)).launch
-    assert launch is not None
-    return solve(Problem(MACHINES[name], launch.time))
 
 
 @functools.cache
 def run(name: str, timestep: float = 1e-3, preset: str = "tuned", **options: object) -> Trajectory:
     """Table I up to the launch."""
     return PymunkEngine.presets()[preset](timestep=timestep, **options).simulate(reference(name).problem)
-
-
-def error(trajectory: Trajectory, exact: Solution, marker: str = PROJECTILE) -> float:
-    """Largest distance of a marker from the reference [m]."""
-    there = exact.trajectory(trajectory.t).marker(marker).position
-    return float(np.linalg.norm(trajectory.marker(marker).position - there, axis=1).max())
 
 
 def slope(errors: list[float], steps: np.ndarray = STEPS) -> float:
