@@ -1,0 +1,195 @@
+"""Trials: one machine, many settings of its engines, each run once and kept.
+
+Convergence studies, error budgets and advice all ask for the same thing: this engine with these options, how far from
+the reference, at what cost. A trial is remembered by engine and options, on disk if a folder is given, so that an
+interrupted study goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, JsonValue
+
+from ..engines.protocol import Engine
+from ..engines.registry import engine_class
+from ..models.errors import InputError, TrebucheckError
+from ..models.files import write_text
+from ..models.mechanism import Mechanism
+from ..models.problem import Problem
+from ..models.spec import Real, Spec
+from ..reference.solution import Solution
+from ..reference.solver import solve_to_launch
+from .deviation import Deviation, deviation
+from .isolation import Worker, simulate_warm
+
+_TAIL_STEPS, _TAIL = 20, 0.02  # an engine runs on past the reference's launch, so that its own can be found
+
+
+class Trial(Spec):
+    """One engine with its options on one machine."""
+
+    engine: str
+    engine_version: str
+    preset: str
+    settings: dict[str, JsonValue]
+    mechanism_hash: str
+    message: str | None = Field(default=None, description="why it failed; None if it ran")
+    deviation: Deviation | None = None
+    steps: Annotated[int, Field(ge=0)] = 0
+    wall_times: tuple[Real, ...] = Field(default=(), description="of the whole simulate, warm, one a repeat [s]")
+
+    @property
+    def timestep(self) -> float:
+        """[s]"""
+        value = self.settings["timestep"]
+        assert isinstance(value, int | float)
+        return float(value)
+
+    def metric(self, label: str) -> float | None:
+        """A figure by its label, e.g. 'position_max (projectile)'; None if it has none (or the run failed)."""
+        return None if self.deviation is None else self.deviation.metrics.get(label)
+
+    @property
+    def position(self) -> float | None:
+        """Largest distance of the projectile from the reference up to the launch [m]."""
+        return self.metric("position_max (projectile)")
+
+    @property
+    def torque(self) -> float | None:
+        """Largest error of any stop's torque at any sample [N m]."""
+        found = [] if self.deviation is None else [
+            value for label, value in self.deviation.metrics.items() if label.startswith("stop_torque_max")
+        ]  # fmt: skip
+        return max(found, default=None)
+
+
+Progress = Callable[[str], None]
+"""Called before each run that is really made, with what it is."""
+
+
+class Trials:
+    """Runs engines on one machine, up to the reference's launch, and remembers what it found.
+
+    Args:
+        mechanism: the machine; it must launch.
+        folder: where trials are kept as JSON; None: only in memory.
+        resume: take kept trials again.
+        isolate: run in a process of its own (one worker, shared by all trials).
+        timeout: longest wait for one run [s].
+        progress: called before each run that is made.
+
+    Raises:
+        InputError: the machine's reference does not launch.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        *,
+        folder: Path | None = None,
+        resume: bool = False,
+        isolate: bool = True,
+        timeout: float = 600.0,
+        progress: Progress | None = None,
+    ) -> None:
+        self.mechanism = mechanism
+        self.solution: Solution = solve_to_launch(mechanism)
+        launch = self.solution.launch
+        if launch is None:
+            raise InputError(f"{mechanism.name!r} does not launch, so there is no end to measure up to.")
+        self.end = launch.time
+        self._folder, self._resume, self._progress = folder, resume, progress
+        self._worker = Worker(timeout)
+        self._simulate = self._worker.simulate if isolate else simulate_warm
+        self._known: dict[str, Trial] = {}
+
+    def trial(self, engine: Engine, repeats: int = 1, of: Mechanism | None = None) -> Trial:
+        """An engine's trial, made if it is not known yet (or known with fewer repeats).
+
+        Args:
+            engine: with its options.
+            repeats: how often it is timed.
+            of: what the engine is given instead of the machine, which it is still compared with: a slightly wrong
+                machine shows what that wrongness does.
+        """
+        given = of or self.mechanism
+        key = _key(engine, given, self.mechanism)
+        known = self._known.get(key) or (self._kept(key) if self._resume else None)
+        if known is None or (known.message is None and len(known.wall_times) < repeats):
+            if self._progress:
+                self._progress(f"{engine.name} {_short(settings_of(engine))}")
+            known = self._made(engine, given, repeats)
+            if self._folder:
+                write_text(self._folder / f"{key}.json", known.model_dump_json())
+        self._known[key] = known
+        return known
+
+    def _made(self, engine: Engine, given: Mechanism, repeats: int) -> Trial:
+        settings = settings_of(engine)
+        base = Trial(
+            engine=engine.name,
+            engine_version=engine_class(engine.name).version(),
+            preset=getattr(engine, "preset", "tuned"),
+            settings=settings,
+            mechanism_hash=given.content_hash,
+        )
+        step = settings.get("timestep")
+        tail = max(_TAIL, _TAIL_STEPS * step) if isinstance(step, float) else _TAIL
+        problem = Problem(given, duration=min(self.end + tail, self.solution.problem.duration))
+        try:
+            runs = [self._simulate(engine, problem) for _ in range(repeats)]
+            found = deviation(runs[0], self.solution, self.end)
+        except TrebucheckError as error:
+            return base.model_copy(update={"message": str(error)})
+        except Exception as error:  # a plug-in may raise anything; a study must survive it
+            return base.model_copy(update={"message": f"{type(error).__name__}: {error}"})
+        walls = tuple(run.provenance.wall_time for run in runs)
+        return base.model_copy(
+            update={"deviation": found, "steps": runs[0].provenance.steps, "wall_times": walls}
+        )
+
+    def _kept(self, key: str) -> Trial | None:
+        if self._folder is None:
+            return None
+        path = self._folder / f"{key}.json"
+        try:
+            return Trial.load(path) if path.is_file() else None
+        except InputError:
+            return None  # a broken file is made anew
+
+    def close(self) -> None:
+        """End the worker's process."""
+        self._worker.close()
+
+    def __enter__(self) -> Trials:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def settings_of(engine: Engine) -> dict[str, JsonValue]:
+    """Every numerical option of an engine; empty where it does not tell."""
+    dump = getattr(engine, "model_dump", None)
+    return dump(mode="json", exclude={"preset"}) if dump is not None else {}
+
+
+def _key(engine: Engine, given: Mechanism, compared: Mechanism) -> str:
+    parts = [
+        engine.name,
+        engine_class(engine.name).version(),
+        settings_of(engine),
+        given.content_hash,
+        compared.content_hash,
+    ]
+    text = json.dumps(parts, sort_keys=True)
+    return f"{engine.name}-{hashlib.sha256(text.encode()).hexdigest()[:20]}"
+
+
+def _short(settings: Mapping[str, JsonValue]) -> str:
+    return f"step {settings['timestep']:g} s" if isinstance(settings.get("timestep"), float) else ""

@@ -1,0 +1,89 @@
+"""What an engine shows of the model it has built, before anything moves: the ground of the gate of equality."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
+
+from ..models.arrays import FloatArray
+from ..models.mechanism import Mechanism
+
+
+@dataclass(frozen=True)
+class State:
+    """A state to look at the built model in.
+
+    `closed` are stops whose gap and gap speed are zero there and that push; every other stop is open (its gap is
+    positive). They are stops that are closed at the mechanism's start: an engine may know no others.
+    """
+
+    q: FloatArray
+    """Generalized coordinates, shape (n_q,) [rad or m]."""
+    u: FloatArray
+    """Generalized speeds, shape (n_q,)."""
+    closed: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """What the built model says at a state, in the mechanism's coordinates; None (or absent) is not exposed.
+
+    With M a = f + G^T torques (and the loop joints' own forces): M the mass matrix, f all applied and centrifugal
+    forces, f = Q - b.
+    """
+
+    accelerations: FloatArray
+    """a, shape (n_q,) [rad/s^2 or m/s^2], the closed stops (and loops) held."""
+    stop_torques: Mapping[str, float]
+    """Of the closed stops [N m], positive where they push."""
+    mass_matrix: FloatArray | None = None
+    """M, shape (n_q, n_q)."""
+    forces: FloatArray | None = None
+    """f = Q - b, shape (n_q,)."""
+    centres: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
+    """Centre of mass of each body in the world [m], shape (2,)."""
+    stop_gaps: Mapping[str, float] = field(default_factory=dict[str, float])
+    """The engine's own measure of the closed stops' gaps [rad]: zero, if they stand where they should."""
+
+
+@dataclass(frozen=True)
+class Differences:
+    """How accelerations and torques were taken where the engine tells neither."""
+
+    step: float
+    """[s]"""
+    order: int
+    """Their error falls with this power of the step."""
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """What an engine's built model says of itself."""
+
+    start: FloatArray
+    """q as the built model starts, shape (n_q,)."""
+    start_speeds: FloatArray
+    """u as the built model starts, shape (n_q,)."""
+    dynamics: tuple[Dynamics, ...]
+    """One a state asked for, in the same order."""
+    total_mass: float | None = None
+    """[kg]; None where the engine's bodies carry other masses by construction."""
+    differences: Differences | None = None
+    """None: accelerations and torques are solutions of the engine's own equations at the state itself."""
+
+
+@runtime_checkable
+class Inspectable(Protocol):
+    """An engine that shows its built model. Engines that do not are compared all the same, and the report says so."""
+
+    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
+        """Build the mechanism as `simulate` would, with the same options, and look at it in each state.
+
+        Softness, start-up and step size are numerical options and not the model's: a soft stop is asked for its
+        torque at rest.
+
+        Raises:
+            TrebucheckError: the mechanism cannot be built.
+        """
+        ...
