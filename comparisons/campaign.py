@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -22,14 +23,25 @@ from ..models.trajectory import Trajectory
 from ..reference.certificate import reference_uncertainty
 from ..reference.solution import Solution
 from ..reference.solver import solve, solve_to_launch
+from .diagnosis.gate import gate
+from .diagnosis.motion import diagnose_motion
 from .isolation import Worker, simulate_warm
 from .metrics import measure
 from .pairs import against_each_other
-from .results import Machine, Metric, Outcome, Pair, Results, Run
+from .results import Diagnosis, Equality, Machine, Metric, Outcome, Pair, Results, Run
 from .store import Store
+from .summary import figure
 from .tolerances import judge
+from .trials import settings_of
 
-_Simulate = Callable[[Engine, Problem], Trajectory]
+
+@dataclass(frozen=True)
+class _Runner:
+    """How engines are called: here, or in a process of their own."""
+
+    simulate: Callable[[Engine, Problem], Trajectory]
+    gate: Callable[[Engine, Mechanism], tuple[Equality, Diagnosis | None]]
+
 
 PRESETS = ("tuned", "stock")
 _TAIL_STEPS, _TAIL = 20, 0.02  # an engine runs on past the reference's launch, so that its own can be found
@@ -121,11 +133,11 @@ def compare(
     trajectories: dict[tuple[str, str], Trajectory] = {}
     runs: list[Run] = []
     with Worker(timeout) as worker:
-        simulate = worker.simulate if isolate else simulate_warm
+        calls = _Runner(worker.simulate, partial(worker.call, gate)) if isolate else _Runner(simulate_warm, gate)
         for done, case in enumerate(cases):
             if progress:
                 progress(case, done, len(cases))
-            run, trajectory = _run(case, makers[case.engine, case.preset], setups[case.model], store, simulate)
+            run, trajectory = _run(case, makers[case.engine, case.preset], setups[case.model], store, calls)
             runs.append(run)
             if trajectory is not None:
                 trajectories[case.model, case.label] = trajectory
@@ -202,10 +214,10 @@ def _is_table_one(mechanism: Mechanism) -> bool:
 
 
 def _run(
-    case: Case, runner: Engine, setup: _Setup, store: Store | None, simulate: _Simulate
+    case: Case, runner: Engine, setup: _Setup, store: Store | None, calls: _Runner
 ) -> tuple[Run, Trajectory | None]:
-    settings = _settings(runner)
-    base = Run(
+    settings = settings_of(runner)
+    run = Run(
         model=case.model,
         engine=case.engine,
         preset=case.preset,
@@ -214,19 +226,35 @@ def _run(
         settings=settings,
     )
     try:
-        trajectory = _trajectory(case, runner, setup, settings, store, simulate)
+        equality, diagnosis = calls.gate(runner, setup.machine.mechanism)
+        run = run.model_copy(update={"equality": equality, "diagnosis": diagnosis})
+        if not equality.holds:
+            return run.model_copy(update={"outcome": Outcome.UNEQUAL, "message": _unequal(equality)}), None
+        trajectory = _trajectory(case, runner, setup, settings, store, calls.simulate)
         metrics = measure(trajectory, setup.solution, setup.machine.compared_to)
     except TrebucheckError as error:
-        return base.model_copy(update={"outcome": _outcome_of(error), "message": str(error)}), None
+        return run.model_copy(update={"outcome": _outcome_of(error), "message": str(error)}), None
     except Exception as error:  # a plug-in may raise anything; the report must survive it
         message = f"{type(error).__name__}: {error}"
-        return base.model_copy(update={"outcome": Outcome.FAILED, "message": message}), None
-    return _judged(base, trajectory, metrics, setup), trajectory
+        return run.model_copy(update={"outcome": Outcome.FAILED, "message": message}), None
+    run = _judged(run, trajectory, metrics, setup)
+    if run.broken:
+        run = run.model_copy(update={"diagnosis": _diagnosed(run, trajectory, setup, runner, calls)})
+    return run, trajectory
 
 
-def _settings(runner: Engine) -> dict[str, JsonValue]:
-    dump = getattr(runner, "model_dump", None)
-    return dump(mode="json", exclude={"preset"}) if dump is not None else {}
+def _unequal(equality: Equality) -> str:
+    if equality.note:
+        return equality.note
+    broken = ", ".join(f"{check.label} off by {figure(check.value)}" for check in equality.broken)
+    return f"the built model differs before any motion: {broken}; its motion was not compared."
+
+
+def _diagnosed(run: Run, trajectory: Trajectory, setup: _Setup, runner: Engine, calls: _Runner) -> Diagnosis | None:
+    try:
+        return diagnose_motion(run, trajectory, setup.solution, setup.machine.compared_to, runner, calls.simulate)
+    except Exception:  # a diagnosis that fails must not cost the row it is about
+        return None
 
 
 def _outcome_of(error: TrebucheckError) -> Outcome:
@@ -241,7 +269,7 @@ def _trajectory(
     setup: _Setup,
     settings: dict[str, JsonValue],
     store: Store | None,
-    simulate: _Simulate,
+    simulate: Callable[[Engine, Problem], Trajectory],
 ) -> Trajectory:
     step = settings.get("timestep")
     tail = max(_TAIL, _TAIL_STEPS * step) if isinstance(step, float) else _TAIL

@@ -42,8 +42,10 @@ class Deviation(Spec):
         return np.linspace(0.0, self.end, GRID + 1)
 
     def quantity(self, name: str) -> FloatArray:
-        """A named quantity as one flat vector: 'position', 'energy', 'launch_time', 'launch_speed', or a stop's name
-        for its torque. Missing figures are NaN.
+        """A quantity as one flat vector; missing figures are NaN.
+
+        Args:
+            name: 'position', 'energy', 'launch_time', 'launch_speed', or a stop's name for its torque.
         """
         if name in self.torques:
             return np.array(self.torques[name])

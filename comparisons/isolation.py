@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from joblib.externals.loky import ProcessPoolExecutor
 from joblib.externals.loky.process_executor import TerminatedWorkerError
@@ -14,6 +15,8 @@ from ..models.errors import SimulationError, TrebucheckError
 from ..models.problem import Problem
 from ..models.trajectory import Trajectory
 
+_Given = TypeVar("_Given")
+_Found = TypeVar("_Found")
 _WARM_UP = 5e-3  # [s] simulated before the run that is timed: imports and first calls are not the engine's speed
 
 
@@ -38,7 +41,11 @@ class Worker:
     _pool: Any = field(default=None, init=False)
 
     def simulate(self, runner: Engine, problem: Problem) -> Trajectory:
-        """As :func:`simulate_warm`, elsewhere.
+        """As :func:`simulate_warm`, elsewhere; raises as :meth:`call` does."""
+        return self.call(simulate_warm, runner, problem)
+
+    def call(self, function: Callable[[Engine, _Given], _Found], runner: Engine, given: _Given) -> _Found:
+        """Call a module's function on an engine, elsewhere.
 
         Raises:
             SimulationError: the engine ended its process (a crash of its compiled code, or out of memory), or did
@@ -47,7 +54,7 @@ class Worker:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(max_workers=1)
         try:
-            return self._pool.submit(simulate_warm, runner, problem).result(self.timeout)
+            return self._pool.submit(function, runner, given).result(self.timeout)
         except TerminatedWorkerError:
             self.close()
             raise SimulationError(f"{runner.name} crashed: its process ended by itself.") from None

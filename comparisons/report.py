@@ -19,7 +19,7 @@ from . import figures
 from .campaign import Comparison
 from .plots import embedded
 from .results import Machine, Pair, Run
-from .summary import COLUMNS, complaints, cost, figure, headline, step
+from .summary import COLUMNS, GATE_KINDS, complaints, cost, diagnosis, figure, gate_cell, headline, step
 from .terminal import verdict
 
 _CERTIFIED = ("release_time", "launch_time", "launch_speed", "launch_angle", "range", "stop_torque", "total_energy")
@@ -73,6 +73,9 @@ def report_html(comparison: Comparison) -> str:
         plotly=get_plotlyjs(),
         figure=figure,
         complaints=complaints,
+        diagnosis=diagnosis,
+        gate_kinds=GATE_KINDS,
+        gate_cell=gate_cell,
         cost=cost,
         headline=headline,
         step=step,

@@ -18,6 +18,7 @@ class Outcome(StrEnum):
 
     OK = "ok"
     BROKEN = "tolerance broken"
+    UNEQUAL = "not the same machine"
     FAILED = "failed"
     ABSENT = "not installed"
     UNSUPPORTED = "not supported"
@@ -50,6 +51,66 @@ class Metric(Spec):
         return self.value is not None and abs(self.value) <= self.tolerance
 
 
+class Check(Spec):
+    """One figure of the gate: built model against the reference's equations, the worst of all states."""
+
+    name: str
+    subject: str | None = Field(default=None, description="coordinate, body or stop in which it is worst")
+    value: Real | None = Field(description="None where the engine gave no number")
+    unit: str
+    tolerance: Real
+    reason: str = Field(description="where the tolerance comes from")
+
+    @property
+    def label(self) -> str:
+        """Name and subject in one."""
+        return self.name if self.subject is None else f"{self.name} ({self.subject})"
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is within its tolerance; a missing number is not."""
+        return self.value is not None and self.value <= self.tolerance
+
+
+class Equality(Spec):
+    """Whether an engine has built the same machine, before any motion."""
+
+    exposed: bool = Field(description="whether the engine shows its built model at all")
+    note: str | None = None
+    states: Annotated[int, Field(ge=0)] = Field(default=0, description="random states looked at")
+    checks: tuple[Check, ...] = ()
+
+    @property
+    def holds(self) -> bool:
+        """No check fails. An engine that shows nothing fails nothing."""
+        return all(check.holds for check in self.checks)
+
+    @property
+    def broken(self) -> tuple[Check, ...]:
+        """Checks that fail."""
+        return tuple(check for check in self.checks if not check.holds)
+
+
+class Cause(Spec):
+    """A suspect: what may be wrong, and how much of the deviation it accounts for."""
+
+    name: str
+    kind: Literal["machine", "start", "law", "reading", "settings"] = Field(
+        description="where it would have to be mended"
+    )
+    amount: str = Field(default="", description="how large it would have to be, in words")
+    explained: Real = Field(description="share of the deviation it accounts for, 1: all of it")
+
+
+class Diagnosis(Spec):
+    """Where and how a run first parts from the reference, and what is likely to be wrong."""
+
+    leads: str = Field(description="label of the figure that leaves its tolerance first")
+    parts_at: Real | None = Field(default=None, description="when that happens [s]; None before any motion")
+    holding: tuple[str, ...] = Field(default=(), description="stops that held in the reference at that time")
+    causes: tuple[Cause, ...] = Field(default=(), description="the likeliest first")
+
+
 class Run(Spec):
     """One engine, preset and machine."""
 
@@ -62,7 +123,9 @@ class Run(Spec):
     settings: dict[str, JsonValue] = Field(default_factory=dict)
     steps: Annotated[int, Field(ge=0)] = 0
     wall_time: Real | None = Field(default=None, description="of the whole simulate, first call warm [s]")
+    equality: Equality | None = Field(default=None, description="None where the engine never came to be built")
     metrics: tuple[Metric, ...] = ()
+    diagnosis: Diagnosis | None = Field(default=None, description="of a run that failed its gate or a tolerance")
 
     @property
     def label(self) -> str:
@@ -122,5 +185,5 @@ class Results(Spec):
 
     @property
     def passed(self) -> bool:
-        """No tolerance broken and no run failed. An engine that is not installed is no disagreement."""
-        return all(run.outcome not in (Outcome.BROKEN, Outcome.FAILED) for run in self.runs)
+        """No tolerance broken, no gate failed, no run failed. An engine that is not installed is no disagreement."""
+        return all(run.outcome not in (Outcome.BROKEN, Outcome.UNEQUAL, Outcome.FAILED) for run in self.runs)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from .results import Metric, Outcome, Run
+from .results import Cause, Equality, Metric, Outcome, Run
 
 
 @dataclass(frozen=True)
@@ -88,6 +88,51 @@ def step(run: Run) -> str:
 def headline(run: Run) -> str:
     """Outcome in words."""
     return run.outcome.value if run.outcome in (Outcome.OK, Outcome.BROKEN) else f"{run.outcome.value}: {run.message}"
+
+
+GATE_KINDS = (
+    "total mass", "start", "centre of mass", "stop position", "mass matrix", "force", "acceleration", "stop torque",
+)  # fmt: skip
+"""Checks of the gate of equality, in the order of a table."""
+
+
+@dataclass(frozen=True)
+class GateCell:
+    """A figure of the gate, and how it stands."""
+
+    text: str
+    mark: str
+
+
+def gate_cell(equality: Equality, kind: str) -> GateCell:
+    """The worst of a kind of checks; a dash where the engine does not show it."""
+    checks = [check for check in equality.checks if check.name == kind]
+    if not checks:
+        return GateCell("–", "")
+    values = [check.value for check in checks]
+    worst = None if None in values else max(value for value in values if value is not None)
+    return GateCell(figure(worst), "good" if all(check.holds for check in checks) else "bad")
+
+
+def suspicion(cause: Cause) -> str:
+    """A suspect in a line: what, how much of it, and how much of the deviation that accounts for."""
+    amount = f" ({cause.amount})" if cause.amount else ""
+    return f"{cause.name}{amount}: {100 * cause.explained:.1f} % of it"
+
+
+def diagnosis(run: Run) -> list[str]:
+    """When the run parts from the reference and why, in sentences; none for a run that agrees."""
+    found = run.diagnosis
+    if found is None:
+        return []
+    holding = ", ".join(found.holding) or "no stop"
+    when = (
+        "before any motion"
+        if found.parts_at is None
+        else f"at t = {found.parts_at:.6g} s, while {holding} held in the reference"
+    )
+    likely = "; ".join(suspicion(cause) for cause in found.causes[:3]) or "no suspect accounts for it"
+    return [f"parts from the reference {when}; {found.leads} leads. Likeliest: {likely}."]
 
 
 def complaints(run: Run) -> list[str]:

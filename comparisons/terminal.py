@@ -11,16 +11,17 @@ from rich.table import Table
 
 from ..models.trajectory import Trajectory
 from .results import Machine, Outcome, Pair, Results, Run
-from .summary import COLUMNS, complaints, cost, figure, step
+from .summary import COLUMNS, complaints, cost, diagnosis, figure, step
 
 _SHORT = {
     Outcome.OK: "ok",
     Outcome.BROKEN: "broken",
+    Outcome.UNEQUAL: "unequal",
     Outcome.FAILED: "failed",
     Outcome.ABSENT: "absent",
     Outcome.UNSUPPORTED: "cannot",
 }
-_STYLES = {Outcome.OK: "green", Outcome.BROKEN: "bold red", Outcome.FAILED: "bold red"}
+_STYLES = {Outcome.OK: "green", **dict.fromkeys((Outcome.BROKEN, Outcome.UNEQUAL, Outcome.FAILED), "bold red")}
 
 
 @cache
@@ -47,6 +48,8 @@ def print_results(results: Results, to: Console) -> None:
             to.print(f"[bold red]{run.model}, {run.label}[/]: {sentence}", soft_wrap=True)
         if run.message:
             to.print(f"[yellow]{run.model}, {run.label}[/]: {run.message}", soft_wrap=True)
+        for sentence in diagnosis(run):
+            to.print(f"  [bold]why[/]: {sentence}", soft_wrap=True)
     to.print(verdict(results))
 
 
@@ -55,7 +58,12 @@ def verdict(results: Results) -> str:
     ran = [run for run in results.runs if run.outcome in (Outcome.OK, Outcome.BROKEN)]
     judged = [metric for run in ran for metric in run.metrics if metric.holds is not None]
     broken = [metric for metric in judged if not metric.holds]
-    counts = f"{len(ran)} of {len(results.runs)} runs compared, {len(judged)} tolerances checked, {len(broken)} broken"
+    gates = [run.equality for run in results.runs if run.equality is not None and run.equality.exposed]
+    equal = sum(gate.holds for gate in gates)
+    counts = (
+        f"{equal} of {len(gates)} built models equal, {len(ran)} of {len(results.runs)} runs compared, "
+        f"{len(judged)} tolerances checked, {len(broken)} broken"
+    )
     return f"{'Agreement holds' if results.passed else 'Agreement does not hold'}: {counts}."
 
 

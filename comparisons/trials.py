@@ -28,6 +28,7 @@ from .deviation import Deviation, deviation
 from .isolation import Worker, simulate_warm
 
 _TAIL_STEPS, _TAIL = 20, 0.02  # an engine runs on past the reference's launch, so that its own can be found
+_NO_CURVES: dict[str, object] = {"position": ((), ()), "torques": {}, "energy": ()}
 
 
 class Trial(Spec):
@@ -45,7 +46,7 @@ class Trial(Spec):
 
     @property
     def timestep(self) -> float:
-        """[s]"""
+        """Of the engine [s]."""
         value = self.settings["timestep"]
         assert isinstance(value, int | float)
         return float(value)
@@ -82,6 +83,8 @@ class Trials:
         isolate: run in a process of its own (one worker, shared by all trials).
         timeout: longest wait for one run [s].
         progress: called before each run that is made.
+        worker: the process to run in, if it is not to be one of its own; its owner closes it.
+        curves: keep the deviations as functions of time; without them a trial is its metrics alone, and small.
 
     Raises:
         InputError: the machine's reference does not launch.
@@ -96,6 +99,8 @@ class Trials:
         isolate: bool = True,
         timeout: float = 600.0,
         progress: Progress | None = None,
+        worker: Worker | None = None,
+        curves: bool = True,
     ) -> None:
         self.mechanism = mechanism
         self.solution: Solution = solve_to_launch(mechanism)
@@ -104,7 +109,8 @@ class Trials:
             raise InputError(f"{mechanism.name!r} does not launch, so there is no end to measure up to.")
         self.end = launch.time
         self._folder, self._resume, self._progress = folder, resume, progress
-        self._worker = Worker(timeout)
+        self._curves, self._shared = curves, worker is not None
+        self._worker = worker or Worker(timeout)
         self._simulate = self._worker.simulate if isolate else simulate_warm
         self._known: dict[str, Trial] = {}
 
@@ -144,14 +150,13 @@ class Trials:
         try:
             runs = [self._simulate(engine, problem) for _ in range(repeats)]
             found = deviation(runs[0], self.solution, self.end)
+            found = found if self._curves else found.model_copy(update=_NO_CURVES)
         except TrebucheckError as error:
             return base.model_copy(update={"message": str(error)})
         except Exception as error:  # a plug-in may raise anything; a study must survive it
             return base.model_copy(update={"message": f"{type(error).__name__}: {error}"})
         walls = tuple(run.provenance.wall_time for run in runs)
-        return base.model_copy(
-            update={"deviation": found, "steps": runs[0].provenance.steps, "wall_times": walls}
-        )
+        return base.model_copy(update={"deviation": found, "steps": runs[0].provenance.steps, "wall_times": walls})
 
     def _kept(self, key: str) -> Trial | None:
         if self._folder is None:
@@ -163,8 +168,9 @@ class Trials:
             return None  # a broken file is made anew
 
     def close(self) -> None:
-        """End the worker's process."""
-        self._worker.close()
+        """End the worker's process, if it is its own."""
+        if not self._shared:
+            self._worker.close()
 
     def __enter__(self) -> Trials:
         return self

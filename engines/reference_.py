@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from ..models.arrays import FloatArray
+from ..models.mechanism import Mechanism
 from ..models.problem import Problem, StopLaw
 from ..models.spec import Real
+from ..reference.redundant import RedundantSystem
 from ..reference.solution import Solution
 from ..reference.solver import TOLERANCE, solve
 from ..reference.taylor import solve_taylor
+from .inspection import Dynamics, Inspection, State
 from .protocol import BuiltinEngine, Capabilities, Recording
 
 _Tolerance = Annotated[Real, Field(ge=2.5e-14, le=1e-2)]
@@ -50,6 +53,17 @@ class ReferenceEngine(BuiltinEngine):
             return solve(problem, self.rtol, self.atol)
         return solve_taylor(problem)
 
+    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
+        """The machine once more in redundant coordinates: the gate measures by the minimal ones."""
+        system = RedundantSystem(mechanism)
+        start = system.start
+        return Inspection(
+            start=system.coordinates(start[: system.n]),
+            start_speeds=system.speeds(start),
+            dynamics=tuple(_redundant_dynamics(mechanism, state) for state in states),
+            total_mass=sum(body.mass for body in mechanism.bodies),
+        )
+
     def _run(self, problem: Problem) -> Recording:
         solution = self.solve(problem)
         releases = [time for time in solution.release_times.values() if time]
@@ -57,6 +71,23 @@ class ReferenceEngine(BuiltinEngine):
         trajectory = solution.trajectory(times)
         fields = {field.name for field in dataclasses.fields(Recording)} - {"steps"}
         return Recording(**{name: getattr(trajectory, name) for name in fields}, steps=solution.evaluations)
+
+
+def _redundant_dynamics(mechanism: Mechanism, state: State) -> Dynamics:
+    placed = mechanism.model_copy(update={"start": tuple(state.q), "start_speeds": tuple(state.u)})
+    system = RedundantSystem(placed)
+    y = system.start
+    a = system.rates(y, state.closed)[system.n :]
+    slides = [
+        float(np.dot(joint.axis, system.point(y, a, joint.child, joint.child_point)[2])) for joint in mechanism.slides
+    ]
+    torques = system.torques(y, state.closed)
+    return Dynamics(
+        accelerations=np.concatenate([a[2::3], slides]),
+        stop_torques=dict(zip(state.closed, torques.tolist(), strict=True)),
+        centres={body.name: system.point(y, a, body.name, body.centre)[0] for body in mechanism.bodies},
+        stop_gaps={name: system.gap(y[: system.n], name) for name in state.closed},
+    )
 
 
 def _has_heyoka() -> bool:

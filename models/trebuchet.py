@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from .errors import InputError
 from .mechanism import GROUND, Body, Marker, Mechanism, PinJoint, SlotJoint, Stop
 from .parameters import TrebuchetParameters
 
@@ -32,6 +33,32 @@ def rolling(parameters: TrebuchetParameters | None = None) -> Mechanism:
     p = parameters or TrebuchetParameters()
     slot = SlotJoint(name=FULCRUM, child="arm", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0), coordinate="x_p")
     return _whipper("rolling", p, slot, start=(p.theta0, p.phi0, p.alpha0, 0.0))
+
+
+def parameters_of(mechanism: Mechanism) -> TrebuchetParameters | None:
+    """The parameters a machine was built from; None if it is not one of these two, to the last bit."""
+    builders = {"fixed": fixed, "rolling": rolling}
+    names = {body.name for body in mechanism.bodies}
+    if mechanism.name not in builders or names != {"arm", "sling", "hanger"} or len(mechanism.joints) != 3:
+        return None
+    _, sling_pin, hanger_pin = mechanism.joints
+    try:
+        found = TrebuchetParameters(
+            l1=sling_pin.parent_point[0],
+            l2=-hanger_pin.parent_point[0],
+            m_b=mechanism.body("sling").mass,
+            m_cw=mechanism.body("hanger").mass,
+            m_a=mechanism.body("arm").mass,
+            h=mechanism.body("hanger").centre[0],
+            r=mechanism.body("sling").centre[0],
+            g=mechanism.gravity,
+            theta0=mechanism.start[0],
+            phi0=mechanism.start[1],
+            alpha0=mechanism.start[2],
+        )
+    except InputError:
+        return None
+    return found if builders[mechanism.name](found) == mechanism else None
 
 
 def _whipper(name: str, p: TrebuchetParameters, fulcrum: PinJoint | SlotJoint, start: tuple[float, ...]) -> Mechanism:

@@ -1,0 +1,126 @@
+"""Suspects of a gate that failed: what differs in the built model says what was built wrong."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+
+import numpy as np
+
+from ...engines.inspection import Inspectable, Inspection, State
+from ...engines.protocol import Engine
+from ...models.arrays import FloatArray
+from ...models.mechanism import Mechanism
+from ..equality import Expected, compared, equality, expected
+from ..results import Cause, Diagnosis, Equality
+from ..states import random_states
+from .fit import match
+from .suspects import machine_suspects
+
+_NAMED = 6  # suspects that are kept
+_TELLING = 0.05  # of a deviation: what accounts for less is no suspect
+_ALIKE = 1e-6  # relative, or [rad]: of a value that was mistaken for another
+_READ_OFF = 0.9  # what is read off one figure gives way to what explains all of them
+
+
+def gate(engine: Engine, mechanism: Mechanism) -> tuple[Equality, Diagnosis | None]:
+    """The gate of equality, and what is suspect where it fails.
+
+    Raises:
+        TrebucheckError: the engine is not here, or cannot build the mechanism.
+    """
+    found = equality(engine, mechanism)
+    return found, None if found.holds else diagnose_gate(engine, mechanism, found)
+
+
+def diagnose_gate(engine: Engine, mechanism: Mechanism, broken: Equality) -> Diagnosis:
+    """What may have been built wrong, the likeliest first."""
+    worst = max(broken.broken, key=lambda check: math.inf if check.value is None else check.value / check.tolerance)
+    causes: list[Cause] = []
+    if isinstance(engine, Inspectable):
+        states = random_states(mechanism)
+        if broken.states:
+            inspection = engine.inspect(mechanism, states)
+            causes = [*_plain(mechanism, states, inspection), *_fitted(mechanism, states, inspection)]
+        else:
+            causes = list(_unknown_stops(engine, mechanism, states))
+    causes.sort(key=lambda cause: -cause.explained)
+    return Diagnosis(leads=worst.label, causes=tuple(causes[:_NAMED]))
+
+
+def _unknown_stops(engine: Inspectable, mechanism: Mechanism, states: Sequence[State]) -> Iterator[Cause]:
+    """Stops without which the model can be looked into: it has none of that name."""
+    for stop in mechanism.stops:
+        without = [state for state in states if stop.name not in state.closed]
+        if len(without) < len(states):
+            with suppress(Exception):  # whatever the engine raises, it is not this stop alone
+                engine.inspect(mechanism, without)
+                yield Cause(name=f"{stop.name} missing", kind="law", explained=1.0)
+
+
+def _plain(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> Iterator[Cause]:
+    """What can be read off: where it starts, where its stops stand, which of them are there."""
+    for name, mine, theirs in zip(mechanism.coordinates, found.start, mechanism.start, strict=True):
+        if abs(mine - theirs) > _ALIKE * max(1.0, abs(theirs)):
+            mistake = _mistaken(float(mine), theirs)
+            amount = mistake or f"{mine - theirs:+.3g} rad or m"
+            yield Cause(name=f"start of {name}", kind="start", amount=amount, explained=1.0 if mistake else _READ_OFF)
+    for name, gap in _gaps(found).items():
+        if abs(gap) > _ALIKE:
+            amount = f"{math.degrees(gap):+.3g} deg"
+            yield Cause(name=f"place of the {name}", kind="machine", amount=amount, explained=_READ_OFF)
+    for stop in mechanism.stops:
+        pairs = zip(found.dynamics, states, strict=True)
+        held = [d.stop_torques.get(stop.name) for d, state in pairs if stop.name in state.closed]
+        if held and not any(held):
+            # A stop that stands elsewhere pushes as little as one that is not there: then its place is the cause.
+            yield Cause(name=f"{stop.name} missing", kind="law", explained=_READ_OFF / 2)
+
+
+def _gaps(found: Inspection) -> dict[str, float]:
+    """How far from its place each stop stands, by the engine's own measure [rad]."""
+    gaps: dict[str, list[float]] = {}
+    for dynamics in found.dynamics:
+        for name, gap in dynamics.stop_gaps.items():
+            gaps.setdefault(name, []).append(gap)
+    return {name: float(np.median(values)) for name, values in gaps.items()}
+
+
+def _mistaken(mine: float, theirs: float) -> str:
+    """How one angle may have become another; '' if in no common way."""
+    size = max(1.0, abs(theirs))
+    readings = {
+        "sign": -theirs,
+        "degrees for radians": math.degrees(theirs),
+        "radians for degrees": math.radians(theirs),
+    }
+    return next((what for what, value in readings.items() if abs(mine - value) <= _ALIKE * size), "")
+
+
+def _fitted(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> Iterator[Cause]:
+    """Machines that would differ in the same way, start and stops included."""
+    right, gaps = expected(mechanism, states), _gaps(found)
+    start = found.start - np.array(mechanism.start)
+    deviation = np.concatenate([compared(right, found.dynamics), start, list(gaps.values())])
+    if not np.isfinite(deviation).all() or not deviation.any():
+        return
+    for suspect in machine_suspects(mechanism):
+        signature = _signature(mechanism, right, suspect.wrong, states, found)
+        if signature is None:
+            continue  # a stop less: read off above
+        matched = match(deviation, signature, fixed=suspect.scale == 0)
+        if matched.explained > _TELLING:
+            amount = suspect.amount(matched.factor)
+            yield Cause(name=suspect.name, kind=suspect.kind, amount=amount, explained=matched.explained)
+
+
+def _signature(
+    mechanism: Mechanism, right: Expected, wrong: Mechanism, states: Sequence[State], found: Inspection
+) -> FloatArray | None:
+    stops = {stop.name: stop for stop in wrong.stops}
+    if any(name not in stops for state in states for name in state.closed):
+        return None
+    limits = [mechanism.stop(name).limit - stops[name].limit for name in _gaps(found)]
+    start = np.array(wrong.start) - np.array(mechanism.start)
+    return np.concatenate([compared(right, expected(wrong, states).as_dynamics(found.dynamics)), start, limits])

@@ -1,0 +1,251 @@
+"""Suspects of a motion that broke a tolerance: what each would do to the reference, fitted to what the engine did."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...engines.protocol import BuiltinEngine, Engine
+from ...models.arrays import FloatArray
+from ...models.errors import TrebucheckError
+from ...models.mechanism import Mechanism
+from ...models.problem import Problem, StopLaw
+from ...models.trajectory import Trajectory
+from ...reference.scheduled import WithoutCentrifugal, solve_scheduled
+from ...reference.solution import Solution
+from ...reference.solver import solve
+from ..metrics import against
+from ..results import Cause, Diagnosis, Run
+from .fit import Match, match
+from .parting import parting
+from .readings import readings, thinned
+from .signatures import Channels, weights
+from .suspects import Suspect, machine_suspects, more_wrong
+
+Simulate = Callable[[Engine, Problem], Trajectory]
+
+_SAMPLES = 300  # of the compared motion: enough to tell suspects apart
+_NAMED = 6
+_TELLING = 0.05
+_CERTAIN = 0.98  # a suspect that accounts for so much ends the search before engines have to run again
+_REFINED = 4  # suspects that are tried once more with the size found, for what is not linear
+_FINER = 4  # times finer a step, for what the step is to blame
+_TOLERANCE = 1e-11  # of the suspects' motions
+
+
+def diagnose_motion(
+    run: Run, trajectory: Trajectory, solution: Solution, end: float, engine: Engine, simulate: Simulate
+) -> Diagnosis:
+    """When the run parts from the reference, what leads, and the likeliest causes.
+
+    Args:
+        run: as judged, with broken tolerances.
+        trajectory: of the run.
+        solution: the reference's.
+        end: end of the compared motion [s].
+        engine: with its options; it is run again with other ones where no suspect explains the deviation.
+        simulate: how engines are run.
+    """
+    case = _Case(trajectory, solution, end)
+    first = parting(against(trajectory, solution, end), run.broken)
+    causes = sorted(_causes(case, engine, simulate), key=lambda cause: -cause.explained)
+    return Diagnosis(
+        leads=first.leads if first else run.broken[0].label,
+        parts_at=first.at if first else None,
+        holding=first.holding if first else (),
+        causes=tuple(causes[:_NAMED]),
+    )
+
+
+def _causes(case: _Case, engine: Engine, simulate: Simulate) -> Iterator[Cause]:
+    found = [*_machine_causes(case), *_law_causes(case), *_reading_causes(case)]
+    yield from found
+    if max((cause.explained for cause in found), default=0.0) < _CERTAIN:
+        yield from _settings_causes(case, engine, simulate)
+
+
+@dataclass(frozen=True)
+class _Case:
+    """A trajectory's deviation, thinned and weighted, and how others compare with it."""
+
+    whole: Trajectory
+    solution: Solution
+    end: float
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        # Without the start: an engine that reads its states late is put on it all the same.
+        n = int(np.searchsorted(self.whole.t, self.end, side="right"))
+        return thinned(self.whole, np.unique(np.linspace(1, n - 1, _SAMPLES).astype(int)))
+
+    @cached_property
+    def reference(self) -> Trajectory:
+        return self.solution.trajectory(self.trajectory.t)
+
+    @cached_property
+    def channels(self) -> Channels:
+        return Channels.of(self.trajectory, self.reference)
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        return weights(self.channels.stacked(self.trajectory, self.reference))
+
+    @cached_property
+    def deviation(self) -> FloatArray:
+        return self.signature(self.trajectory)
+
+    def signature(self, wrong: Trajectory) -> FloatArray:
+        """Of a trajectory at the same times."""
+        return (self.weights * self.channels.stacked(wrong, self.reference)).ravel()
+
+    @property
+    def step(self) -> float:
+        return float(np.median(np.diff(self.whole.t)))
+
+    def carried(self, other: Trajectory) -> FloatArray:
+        """Signature of a trajectory at other times."""
+        apart = self.channels.stacked(other, self.solution.trajectory(other.t))
+        t = self.trajectory.t
+        return (self.weights * np.stack([np.interp(t, other.t, column) for column in apart.T], axis=1)).ravel()
+
+    def problem(self, mechanism: Mechanism) -> Problem:
+        law = StopLaw(self.solution.problem.stop_law)
+        return Problem(mechanism, duration=float(self.trajectory.t[-1]), stop_law=law)
+
+    def moved(self, mechanism: Mechanism) -> FloatArray | None:
+        """Signature of another machine's motion; None if it cannot be had."""
+        try:
+            solution = solve(self.problem(mechanism), _TOLERANCE, _TOLERANCE)
+            return self.signature(solution.trajectory(self.trajectory.t))
+        except TrebucheckError:
+            return None
+
+
+def _machine_causes(case: _Case) -> Iterator[Cause]:
+    tried = [(s, case.moved(s.wrong)) for s in machine_suspects(case.whole.mechanism)]
+    matched = [
+        (suspect, match(case.deviation, signature, fixed=suspect.scale == 0))
+        for suspect, signature in tried
+        if signature is not None
+    ]
+    matched.sort(key=lambda pair: -pair[1].explained)
+    for rank, (suspect, found) in enumerate(matched):
+        refined = _refined(case, suspect, found.factor) if rank < _REFINED else None
+        factor, explained = refined or (found.factor, found.explained)
+        if max(explained, found.explained) > _TELLING:
+            yield Cause(
+                name=suspect.name,
+                kind=suspect.kind,
+                amount=suspect.amount(factor),
+                explained=max(explained, found.explained),
+            )
+
+
+def _refined(case: _Case, suspect: Suspect, factor: float) -> tuple[float, float] | None:
+    """Factor and explained share of a suspect as large as it was found to be."""
+    larger = more_wrong(case.whole.mechanism, suspect, factor)
+    signature = None if larger is None else case.moved(larger.wrong)
+    if signature is None:
+        return None
+    found = match(case.deviation, signature)
+    return factor * found.factor, found.explained
+
+
+def _law_causes(case: _Case) -> Iterator[Cause]:
+    """Stops that open at other times than they should, or never; and forces of the wrong law."""
+    mine, theirs = case.whole.release_times, case.solution.release_times
+    closed = [stop.name for stop in case.whole.mechanism.stops if stop.closed]
+    right: dict[str, float | None] = {name: theirs.get(name) for name in closed}
+    for name in closed:
+        opened = mine.get(name)
+        if opened != right[name]:
+            said = f"{_said(opened)} instead of {_said(right[name])}"
+            yield from _release(case, name, said, {**right, name: opened})
+        if opened is not None:
+            yield from _scheduled(case, f"{name} never opens", "", {**right, name: None})
+    own = {name: mine.get(name) for name in closed}
+    without = WithoutCentrifugal(case.whole.mechanism)
+    yield from _scheduled(case, "velocity-dependent forces dropped", "", own, without)
+
+
+def _release(case: _Case, stop: str, said: str, releases: Mapping[str, float | None]) -> Iterator[Cause]:
+    """A release at another time: it shows in the motion, or else it was only misreported."""
+    yield from _scheduled(case, f"release of the {stop}", said, releases)
+    signature = _schedule(case, releases)
+    if signature is None:
+        return
+    would = float(np.linalg.norm(signature))
+    shown = 1.0 - float(np.linalg.norm(case.deviation)) / would if would else 0.0
+    if shown > _TELLING:
+        yield Cause(name=f"reading of the {stop}'s release", kind="reading", amount=said, explained=shown)
+
+
+def _said(t: float | None) -> str:
+    return "never" if t is None else f"{t:.6g} s"
+
+
+def _scheduled(
+    case: _Case,
+    name: str,
+    amount: str,
+    releases: Mapping[str, float | None],
+    equations: WithoutCentrifugal | None = None,
+) -> Iterator[Cause]:
+    signature = _schedule(case, releases, equations)
+    found = Match(0.0, 0.0) if signature is None else match(case.deviation, signature, fixed=True)
+    if found.explained > _TELLING:
+        yield Cause(name=name, kind="law", amount=amount, explained=found.explained)
+
+
+def _schedule(
+    case: _Case, releases: Mapping[str, float | None], equations: WithoutCentrifugal | None = None
+) -> FloatArray | None:
+    try:
+        solution = solve_scheduled(case.problem(case.whole.mechanism), releases, equations)
+    except TrebucheckError:
+        return None
+    return case.signature(solution.trajectory(case.trajectory.t))
+
+
+def _reading_causes(case: _Case) -> Iterator[Cause]:
+    for reading in readings(case.solution, case.reference, case.step):
+        found = match(case.deviation, case.signature(reading.wrong))
+        if found.explained > _TELLING:
+            yield Cause(
+                name=reading.name, kind="reading", amount=reading.amount(found.factor), explained=found.explained
+            )
+
+
+def _settings_causes(case: _Case, engine: Engine, simulate: Simulate) -> Iterator[Cause]:
+    """Options put to where they do less harm, one at a time: what then is gone was theirs."""
+    size = float(np.linalg.norm(case.deviation))
+    problem = Problem(case.whole.mechanism, duration=case.whole.provenance.duration)
+    for name, amount, changed in _other_settings(engine):
+        try:
+            other = simulate(changed, problem)
+        except TrebucheckError:
+            continue
+        explained = 1.0 - float(np.linalg.norm(case.carried(other))) / size if size else 0.0
+        if explained > _TELLING:
+            yield Cause(name=name, kind="settings", amount=amount, explained=explained)
+
+
+def _other_settings(engine: Engine) -> Iterator[tuple[str, str, Engine]]:
+    """The engine with a finer step, or with one option as in its tuned preset; name, amount, engine."""
+    if not isinstance(engine, BuiltinEngine):
+        return
+    options = engine.model_dump(exclude={"preset"})
+    tuned = type(engine).tuned(timestep=engine.timestep).model_dump(exclude={"preset"})
+    finer = type(engine)(**{**options, "timestep": engine.timestep / _FINER})
+    yield "time step", f"{engine.timestep:g} s; compared with a step {_FINER} times finer", finer
+    for name, value in options.items():
+        if value != tuned[name]:
+            said = f"{_short(value)}; tuned: {_short(tuned[name])}"
+            yield f"option {name}", said, type(engine)(**{**options, name: tuned[name]})
+
+
+def _short(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,202 @@
+"""Machines that are wrong in one place: what each would look like is what a deviation is compared with.
+
+Where a mechanism is one of the named builders', its parameters are suspects, for a wrong length there moves a mass
+and an inertia, too; every single number of the mechanism is one in any case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from ...models.errors import InputError
+from ...models.mechanism import GROUND, Mechanism
+from ...models.parameters import TrebuchetParameters
+from ...models.registry import model
+from ...models.trebuchet import parameters_of
+
+Kind = Literal["machine", "start", "law", "reading", "settings"]
+_SMALL = 1e-6  # relative, or [rad] or [m]: well above rounding and linear
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A machine with one thing wrong by a small amount (or, where `scale` is 0, wrong outright)."""
+
+    name: str
+    kind: Kind
+    wrong: Mechanism
+    scale: float = _SMALL
+    """How wrong `wrong` is; 0: not a matter of degree."""
+    unit: str = ""
+    """Of the amount; '': relative."""
+
+    def amount(self, factor: float) -> str:
+        """How wrong it would have to be, `factor` times `scale`, in words."""
+        if self.scale == 0:
+            return ""
+        size = factor * self.scale
+        return f"{100 * size:+.3g} %" if not self.unit else f"{size:+.3g} {self.unit}"
+
+
+def machine_suspects(mechanism: Mechanism) -> tuple[Suspect, ...]:
+    """All that may be wrong with a built machine."""
+    parts = (_parameters, _masses, _lengths, _places, _gravity, _starts, _missing, _rounded)
+    return tuple(suspect for part in parts for suspect in part(mechanism))
+
+
+def more_wrong(mechanism: Mechanism, suspect: Suspect, factor: float) -> Suspect | None:
+    """The same suspect with `factor` times its amount, for what is not linear; None where there is no such machine."""
+    if suspect.scale == 0:
+        return None
+    changed = _blended(mechanism.model_dump(), suspect.wrong.model_dump(), factor)
+    try:
+        return Suspect(suspect.name, suspect.kind, Mechanism(**changed), suspect.scale * factor, suspect.unit)
+    except InputError:
+        return None
+
+
+def _blended(right: Any, wrong: Any, factor: float) -> Any:
+    """Right + factor (wrong - right), number by number."""
+    if isinstance(right, dict):
+        return {key: _blended(value, wrong[key], factor) for key, value in right.items()}
+    if isinstance(right, tuple | list):
+        return tuple(_blended(a, b, factor) for a, b in zip(right, wrong, strict=True))
+    if isinstance(right, float) and not isinstance(right, bool):
+        return right + factor * (wrong - right)
+    return right
+
+
+def _parameters(mechanism: Mechanism) -> Iterator[Suspect]:
+    parameters = parameters_of(mechanism)
+    if parameters is None:
+        return
+    for name, field in TrebuchetParameters.model_fields.items():
+        value = float(getattr(parameters, name))
+        is_angle = name.endswith("0")
+        step = _SMALL if is_angle else value * _SMALL
+        wrong = model(mechanism.name, parameters.model_copy(update={name: value + step}))
+        what = str(field.description).partition(" [")[0]
+        yield Suspect(f"{name} ({what})", "start" if is_angle else "machine", wrong, unit="rad" if is_angle else "")
+
+
+def _changed(mechanism: Mechanism, **fields: Any) -> Mechanism | None:
+    try:
+        return Mechanism(**{**mechanism.model_dump(), **fields})
+    except InputError:
+        return None
+
+
+def _with_body(mechanism: Mechanism, name: str, **fields: Any) -> Mechanism | None:
+    bodies = [body.model_dump() | (fields if body.name == name else {}) for body in mechanism.bodies]
+    return _changed(mechanism, bodies=bodies)
+
+
+def _masses(mechanism: Mechanism) -> Iterator[Suspect]:
+    """Masses and inertias of single bodies; a parameter of the same effect stands before them."""
+    named = parameters_of(mechanism) is not None
+    for body in mechanism.bodies:
+        if not named:
+            wrong = _with_body(mechanism, body.name, mass=body.mass * (1 + _SMALL))
+            if wrong:
+                yield Suspect(f"mass of the {body.name}", "machine", wrong)
+        grown = body.inertia * _SMALL or body.mass * _SMALL  # a point mass: as if spread over a millimetre
+        wrong = _with_body(mechanism, body.name, inertia=body.inertia + grown)
+        if wrong and body.inertia:
+            yield Suspect(f"inertia of the {body.name}", "machine", wrong)
+        elif wrong:
+            yield Suspect(f"inertia of the {body.name}", "machine", wrong, scale=grown, unit="kg m^2")
+
+
+def _lengths(mechanism: Mechanism) -> Iterator[Suspect]:
+    """Centres of mass along their bodies."""
+    for body in mechanism.bodies:
+        x, y = body.centre
+        wrong = _with_body(mechanism, body.name, centre=(x * (1 + _SMALL), y * (1 + _SMALL)))
+        if wrong and body.centre != (0.0, 0.0):
+            yield Suspect(f"centre of mass of the {body.name}", "machine", wrong)
+
+
+def _places(mechanism: Mechanism) -> Iterator[Suspect]:
+    """Places of joints on the bodies that carry them."""
+    for joint in mechanism.joints:
+        for end in ("parent", "child"):
+            x, y = getattr(joint, f"{end}_point")
+            if (x, y) == (0.0, 0.0):
+                continue
+            moved = joint.model_dump() | {f"{end}_point": (x * (1 + _SMALL), y * (1 + _SMALL))}
+            joints = [moved if other.name == joint.name else other.model_dump() for other in mechanism.joints]
+            wrong = _changed(mechanism, joints=joints)
+            if wrong:
+                yield Suspect(f"place of the {joint.name} on the {getattr(joint, end)}", "machine", wrong)
+
+
+def _gravity(mechanism: Mechanism) -> Iterator[Suspect]:
+    if parameters_of(mechanism) is None:
+        wrong = _changed(mechanism, gravity=mechanism.gravity * (1 + _SMALL))
+        if wrong:
+            yield Suspect("gravity", "machine", wrong)
+
+
+def _starts(mechanism: Mechanism) -> Iterator[Suspect]:
+    """Each start coordinate, stops going along so that those that touch still do."""
+    named = parameters_of(mechanism) is not None
+    for i, name in enumerate(mechanism.coordinates):
+        is_angle = i < len(mechanism.bodies)
+        if named and is_angle:
+            continue  # a parameter
+        start = tuple(value + _SMALL * (k == i) for k, value in enumerate(mechanism.start))
+        wrong = _changed(mechanism, start=start, stops=_stops_at(mechanism, start))
+        if wrong:
+            yield Suspect(f"start of {name}", "start", wrong, unit="rad" if is_angle else "m")
+
+
+def _stops_at(mechanism: Mechanism, start: tuple[float, ...]) -> list[dict[str, Any]]:
+    """The stops, with those that touch at the start moved to where they touch at another one."""
+    angle = {body.name: start[k] for k, body in enumerate(mechanism.bodies)} | {GROUND: 0.0}
+    return [
+        stop.model_dump()
+        | ({"limit": stop.sense * (angle[stop.body] - angle[stop.relative_to])} if stop.closed else {})
+        for stop in mechanism.stops
+    ]
+
+
+def _missing(mechanism: Mechanism) -> Iterator[Suspect]:
+    for stop in mechanism.stops:
+        wrong = _changed(mechanism, stops=[other.model_dump() for other in mechanism.stops if other.name != stop.name])
+        if wrong and stop.closed:
+            yield Suspect(f"{stop.name} missing", "law", wrong, scale=0.0)
+
+
+def _rounded(mechanism: Mechanism) -> Iterator[Suspect]:
+    """All data cut to what common formats keep: angles and third parts do not survive it."""
+    parameters = parameters_of(mechanism)
+    for cut, what in ((_six_digits, "six digits, as text formats write them"), (_single, "single precision")):
+        if parameters is not None:
+            chosen = TrebuchetParameters(**{name: cut(value) for name, value in parameters.model_dump().items()})
+            if chosen != parameters:
+                yield Suspect(f"parameters in {what}", "machine", model(mechanism.name, chosen), scale=0.0)
+        data = _cut({key: value for key, value in mechanism.model_dump().items() if key != "stops"}, cut)
+        wrong = _changed(mechanism, **data, stops=_stops_at(mechanism, tuple(data["start"])))
+        if wrong and wrong != mechanism:
+            yield Suspect(f"data in {what}", "machine", wrong, scale=0.0)
+
+
+def _six_digits(value: float) -> float:
+    return float(f"{value:.6g}")
+
+
+def _single(value: float) -> float:
+    return float(np.float32(value))
+
+
+def _cut(data: Any, cut: Callable[[float], float]) -> Any:
+    if isinstance(data, dict):
+        # A direction must keep its length of one.
+        return {key: value if key == "axis" else _cut(value, cut) for key, value in data.items()}
+    if isinstance(data, tuple | list):
+        return tuple(_cut(value, cut) for value in data)
+    return cut(data) if isinstance(data, float) else data

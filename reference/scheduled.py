@@ -1,0 +1,91 @@
+"""The reference's motion with stops that open when they are told to, and not when they would.
+
+What a wrong release does to a motion, or a stop that never lets go, is computed here rather than guessed: the same
+equations, the same integrator, another schedule.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.integrate import DOP853, DenseOutput, OdeSolution
+
+from ..models.arrays import FloatArray
+from ..models.errors import InputError, SimulationError
+from ..models.problem import Problem
+from .equations import Equations
+from .solution import Segment, Solution
+
+TOLERANCE = 1e-12
+"""Relative and absolute local error: a scheduled motion is compared with deviations that are far larger."""
+
+
+class WithoutCentrifugal(Equations):
+    """The equations with their centrifugal (and so all velocity-dependent) forces left out: a fault to compare with."""
+
+    def _bias(self, quadratic: object, u: FloatArray) -> FloatArray:
+        return np.zeros_like(u)
+
+
+def solve_scheduled(
+    problem: Problem, releases: Mapping[str, float | None], equations: Equations | None = None
+) -> Solution:
+    """Integrate with each closed stop held until its given time.
+
+    Args:
+        problem: release-once or not, its stops do as they are told, and none closes.
+        releases: by stop, when it opens [s]; None: never. Stops not named open as at t = 0.
+        equations: others than the mechanism's own, for a fault to compare with.
+
+    Raises:
+        InputError: a name is not that of a stop.
+        SimulationError: the integrator gave up.
+    """
+    names = [stop.name for stop in problem.mechanism.stops]
+    for name in releases:
+        if name not in names:
+            raise InputError(f"releases names the stop {name!r}; there are: {', '.join(names)}.")
+    own = equations or Equations(problem.mechanism)
+    held = {s.name: releases.get(s.name, 0.0) for s in problem.mechanism.stops if s.closed}
+    started = time.perf_counter()
+    start = np.array(problem.mechanism.start)
+    y = np.concatenate([start, problem.mechanism.start_speeds or np.zeros_like(start)])
+    times = sorted({t for t in held.values() if t is not None and 0 < t < problem.duration} | {problem.duration})
+    segments: list[Segment] = []
+    now = 0.0
+    for end in times:
+        closed = tuple(name for name, t in held.items() if t is None or t > now)
+        segment, y = _segment(own, y, now, end, closed)
+        segments.append(segment)
+        now = end
+    return Solution(
+        problem=problem,
+        equations=own,
+        segments=tuple(segments),
+        release_times={name: held.get(name) for name in names},
+        impacts=(),
+        evaluations=0,
+        settings={"rtol": TOLERANCE, "atol": TOLERANCE},
+        wall_time=time.perf_counter() - started,
+    )
+
+
+def _segment(
+    equations: Equations, y: FloatArray, start: float, end: float, closed: tuple[str, ...]
+) -> tuple[Segment, FloatArray]:
+    n_q = len(y) // 2
+
+    def rates(_: float, y: FloatArray) -> FloatArray:
+        return np.concatenate([y[n_q:], equations.solve(y[:n_q], y[n_q:], closed)[0]])
+
+    stepper = DOP853(rates, start, y, end, rtol=TOLERANCE, atol=TOLERANCE)
+    times, pieces = [start], list[DenseOutput]()
+    while stepper.status == "running":
+        message = stepper.step()
+        if message is not None:
+            raise SimulationError(f"the scheduled motion stopped at t = {stepper.t:.6g} s: {message}.")
+        pieces.append(stepper.dense_output())
+        times.append(stepper.t)
+    return Segment(closed, start, end, OdeSolution(np.array(times), pieces)), stepper.y
