@@ -7,7 +7,7 @@ angles have the opposite sign. What is to be reported is asked of Exudyn by sens
 from __future__ import annotations
 
 import importlib
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -30,6 +30,18 @@ SensorKey = tuple[str, str, str]
 
 
 @dataclass(frozen=True)
+class Spring:
+    """A stop as a spring and damper between the rotations."""
+
+    stiffness: float
+    """[N m/rad]"""
+    damping: float = 0.0
+    """[N m s/rad]"""
+    torque: float = 0.0
+    """With the gap closed and at rest [N m]."""
+
+
+@dataclass(frozen=True)
 class System:
     """An assembled Exudyn system and the numbers of its items."""
 
@@ -40,7 +52,9 @@ class System:
     nodes: dict[str, int] = field(default_factory=dict[str, int])
     bodies: dict[str, int] = field(default_factory=dict[str, int])
     stops: dict[str, int] = field(default_factory=dict[str, int])
-    """Constraints of the stops that touch at the start; the others never act under the release-once law."""
+    """Items of the stops that touch at the start; the others never act under the release-once law."""
+    springs: Mapping[str, Spring] = field(default_factory=dict[str, Spring])
+    """Of the stops, where they are springs; empty where they are constraints."""
     sensors: dict[SensorKey, int] = field(default_factory=dict[SensorKey, int])
 
     def torque(self, stop: str) -> float:
@@ -52,6 +66,36 @@ class System:
         """Make exactly these stops act."""
         for name, number in self.stops.items():
             self.main.SetObjectParameter(number, "activeConnector", name in closed)
+
+    def gap(self, stop: str) -> float:
+        """Gap of a stop that touches at the start, by Exudyn's own coordinates [rad]."""
+        # A constraint's own equation includes its offset; a spring's is its preload, and no gap.
+        variable = exu.OutputVariableType.Displacement if self.springs else exu.OutputVariableType.ConstraintEquation
+        return -self.mechanism.stop(stop).sense * float(self.main.GetObjectOutput(self.stops[stop], variable))
+
+    def preload(self, stop: str, torque: float) -> None:
+        """Give a stop's spring this torque with the gap closed and at rest [N m]."""
+        self.main.SetObjectParameter(self.stops[stop], "offset", self._offset(stop, torque))
+
+    def _offset(self, stop: str, torque: float) -> float:
+        return -self.mechanism.stop(stop).sense * torque / self.springs[stop].stiffness
+
+    def local(self, body: str, point: Vector) -> list[float]:
+        """A point of a body from its centre of mass, where Exudyn's node stands [m]."""
+        if body == GROUND:
+            return [*point, 0.0]
+        centre = self.mechanism.body(body).centre
+        return [point[0] - centre[0], point[1] - centre[1], 0.0]
+
+    def spring(self, stop: str, markers: list[int]) -> Any:
+        """The item of a stop's spring: its torque grows as the gap closes."""
+        spring = self.springs[stop]
+        return items.ObjectConnectorCoordinateSpringDamper(
+            markerNumbers=markers,
+            stiffness=spring.stiffness,
+            damping=spring.damping,
+            offset=self._offset(stop, spring.torque),
+        )
 
 
 @contextmanager
@@ -65,15 +109,19 @@ def silence() -> Generator[None]:
         exu.config.printToConsole, exu.config.suppressWarnings = before
 
 
-def build(mechanism: Mechanism) -> System:
+def build(mechanism: Mechanism, springs: Mapping[str, Spring] | None = None) -> System:
     """Build and assemble the system at its start.
+
+    Args:
+        mechanism: what to build.
+        springs: of the stops that act; none: the stops that touch are constraints.
 
     Raises:
         UnsupportedProblemError: a touching stop is being left or hit at the start, or a slot carries the ground.
     """
     _refuse_what_cannot_be_built(mechanism)
     container = exu.SystemContainer()
-    system = System(mechanism, container, container.AddSystem())
+    system = System(mechanism, container, container.AddSystem(), springs=springs or {})
     return _Builder(system).build()
 
 
@@ -108,7 +156,7 @@ class _Builder:
         for joint in self.system.mechanism.joints:
             self._add_joint(joint)
         for stop in self.system.mechanism.stops:
-            if stop.closed:
+            if stop.closed and (not self.system.springs or stop.name in self.system.springs):
                 self._add_stop(stop)
         for marker in self.system.mechanism.markers:
             self._observe_point("marker", marker.name, marker)
@@ -139,7 +187,7 @@ class _Builder:
         self._observe(items.SensorBody, ("body", name, "KineticEnergy"), bodyNumber=self.system.bodies[name])
 
     def _observe_point(self, kind: str, name: str, marker: Marker) -> None:
-        number, local = self.system.bodies[marker.body], self._local(marker.body, marker.point)
+        number, local = self.system.bodies[marker.body], self.system.local(marker.body, marker.point)
         for quantity in ("Position", "Velocity"):
             self._observe(items.SensorBody, (kind, name, quantity), bodyNumber=number, localPosition=local)
 
@@ -148,15 +196,8 @@ class _Builder:
         stored = sensor(outputVariableType=variable, storeInternal=True, writeToFile=False, **where)
         self.system.sensors[key] = int(self.system.main.AddSensor(stored))
 
-    def _local(self, body: str, point: Vector) -> list[float]:
-        """A point of a body from its centre of mass, where Exudyn's node stands [m]."""
-        if body == GROUND:
-            return [*point, 0.0]
-        centre = self.system.mechanism.body(body).centre
-        return [point[0] - centre[0], point[1] - centre[1], 0.0]
-
     def _frame(self, body: str, point: Vector) -> int:
-        at = self._local(body, point)
+        at = self.system.local(body, point)
         return int(
             self.system.main.AddMarker(items.MarkerBodyRigid(bodyNumber=self.system.bodies[body], localPosition=at))
         )
@@ -184,8 +225,13 @@ class _Builder:
     def _add_stop(self, stop: Stop) -> None:
         # Coordinates count from the reference, and a closed stop's gap is zero there: no offset is needed.
         others = self._rotation(stop.relative_to)
-        constraint = items.ObjectConnectorCoordinate(markerNumbers=[others, self._rotation(stop.body)])
-        number = int(self.system.main.AddObject(constraint))
+        markers = [others, self._rotation(stop.body)]
+        connector = (
+            self.system.spring(stop.name, markers)
+            if self.system.springs
+            else items.ObjectConnectorCoordinate(markerNumbers=markers)
+        )
+        number = int(self.system.main.AddObject(connector))
         self.system.stops[stop.name] = number
         self._observe(items.SensorObject, ("stop", stop.name, "Force"), objectNumber=number)
 

@@ -30,7 +30,7 @@ def recording(
         releases: when each stop opened [s].
         steps: how many steps the solver took.
     """
-    reader = _Reader(system, columns, table)
+    reader = Reader(system, columns, table)
     mechanism = system.mechanism
     return Recording(
         t=table[:, 0],
@@ -48,7 +48,9 @@ def recording(
 
 
 @dataclass(frozen=True)
-class _Reader:
+class Reader:
+    """Quantities of a run (or of one state) from its table."""
+
     system: System
     columns: Mapping[SensorKey, slice]
     table: FloatArray

@@ -11,6 +11,7 @@ from ..models.mechanism import GROUND
 from ..models.problem import Problem
 from ._exudyn_build import build, silence
 from ._exudyn_read import recording
+from ._exudyn_soft import springs
 from ._exudyn_solver import Closed, Solver, State
 from .exudyn_ import ExudynEngine
 from .protocol import Recording
@@ -44,6 +45,8 @@ class _Motion:
     def recording(self) -> Recording:
         state = self.solver.start()
         closed = self._pushing(state, tuple(self.system.stops))
+        if closed and self.options.stop_stiffness is not None:
+            self._soften(state, closed, self.options.stop_stiffness)
         pieces: list[FloatArray] = []
         while not pieces or self.duration - state.t > _SAME_TIME:
             piece, closed = self._piece(state, closed)
@@ -51,7 +54,14 @@ class _Motion:
             state = self.solver.state(piece, -1)
         # Where two pieces meet, the later one tells the forces of what holds from there on.
         table = np.concatenate([*(piece[:-1] for piece in pieces[:-1]), pieces[-1]])
+        table[:, 0] = np.minimum(table[:, 0], self.duration)  # Exudyn's sum of steps may end a rounding later
         return recording(self.system, self.solver.columns, table, self.releases, self.solver.steps)
+
+    def _soften(self, state: State, closed: Closed, stiffness: float) -> None:
+        """Go on with springs in place of the constraints that push at the start."""
+        found = springs(self.solver, state, closed, stiffness, self.options.stop_damping_ratio)
+        self.system = build(self.mechanism, found)
+        self.solver = Solver(self.system, self.options)
 
     def _piece(self, state: State, closed: Closed) -> tuple[FloatArray, Closed]:
         """Move to the next release or the end; also which stops are closed after it."""
@@ -146,6 +156,8 @@ class _Motion:
             stop = self.mechanism.stop(name)
             # Exudyn's rotations are anticlockwise, hence the minus.
             opening = -stop.sense * (rotations[stop.body] - rotations[stop.relative_to])
+            if name not in closed and self.system.springs:
+                continue  # a preloaded spring lets go with its gap open: which way that moves then does not matter
             if (self.solver.torque(balance.row, name) if name in closed else opening) < 0.0:
                 return name
         return None

@@ -76,6 +76,10 @@ class Solver:
         )
         return State(float(table[row, 0]), coordinates, rates)
 
+    def row(self, time: float) -> FloatArray:
+        """All sensors now, as a row of a table."""
+        return np.concatenate([[time], *(self._values(number) for number in self.system.sensors.values())])
+
     def torque(self, row: FloatArray, stop: str) -> float:
         """Torque of a closed stop in a row of a table [N m]."""
         return self.system.mechanism.stop(stop).sense * float(row[self.columns["stop", stop, "Force"]][0])
@@ -102,7 +106,7 @@ class Solver:
             solved = bool(solver.InitializeSolver(main, settings))
         except RuntimeError:  # Exudyn's own errors are RuntimeErrors; their text is a page
             solved = False
-        row = np.concatenate([[time], *(self._values(number) for number in self.system.sensors.values())])
+        row = self.row(time)
         accelerations = np.array(main.systemData.GetODE2Coordinates_tt())
         if not solved or not np.isfinite(accelerations).all():
             raise SimulationError(f"exudyn finds no accelerations at t = {time:.6g} s: are constraints redundant?")
@@ -181,6 +185,10 @@ class Solver:
         time.generalizedAlpha.spectralRadius = options.spectral_radius
         newton.useModifiedNewton = options.modified_newton
         newton.relativeTolerance, newton.absoluteTolerance = options.newton_relative, options.newton_absolute
+        if self.system.springs:
+            # The force of a stiff spring is known only to the rounding of an angle times its stiffness, and would not
+            # fall further; the increments of the coordinates do. Exudyn wants both tolerances alike for them.
+            newton.residualMode, newton.absoluteTolerance = 1, options.newton_relative
         settings.solution.file.write = False
         settings.solution.sensors.writePeriod = _EVERY_STEP
         return settings

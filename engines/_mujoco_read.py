@@ -24,7 +24,7 @@ from ..models.trajectory import PointMotion
 from ._mujoco_model import Limit
 from .protocol import Recording
 
-_IN_PLANE = [0, 2]  # MuJoCo's x and z are our x and y
+IN_PLANE = [0, 2]  # MuJoCo's x and z are our x and y
 
 
 @dataclass
@@ -63,8 +63,8 @@ class _Reader:
     def markers(self) -> dict[str, PointMotion]:
         return {
             marker.name: PointMotion(
-                self.sensor(position_sensor(marker.name))[:, _IN_PLANE],
-                self.sensor(velocity_sensor(marker.name))[:, _IN_PLANE],
+                self.sensor(position_sensor(marker.name))[:, IN_PLANE],
+                self.sensor(velocity_sensor(marker.name))[:, IN_PLANE],
             )
             for marker in self.mechanism.markers
         }
@@ -82,7 +82,7 @@ class _Reader:
         """Forces on the children in the world frame [N]: MuJoCo gives those on the parents in the child's."""
         found: dict[str, FloatArray] = {}
         for i, joint in enumerate(self.mechanism.tree_joints):
-            a, b = self.sensor(force_sensor(joint.name))[:, _IN_PLANE].T
+            a, b = self.sensor(force_sensor(joint.name))[:, IN_PLANE].T
             cos, sin = np.cos(q[:, i]), np.sin(q[:, i])
             found[joint.name] = np.stack([a * cos + b * sin, b * cos - a * sin], axis=1)
         return found
@@ -94,7 +94,7 @@ def recording(mechanism: Mechanism, model: Any, limits: Mapping[str, Limit], sam
     n_q, n_v = int(model.nq), int(model.nv)
     positions, speeds = states[:, 1 : 1 + n_q], states[:, 1 + n_q : 1 + n_q + n_v]
     reader = _Reader(mechanism, model, positions, speeds, np.concatenate(samples.sensors))
-    sums = _absolute_from_relative(mechanism, model)
+    sums = absolute_from_relative(mechanism, model)
     q = np.array(mechanism.start) + positions @ sums.T
     return Recording(
         t=np.concatenate(samples.times),
@@ -110,7 +110,7 @@ def recording(mechanism: Mechanism, model: Any, limits: Mapping[str, Limit], sam
     )
 
 
-def _absolute_from_relative(mechanism: Mechanism, model: Any) -> FloatArray:
+def absolute_from_relative(mechanism: Mechanism, model: Any) -> FloatArray:
     """C with q = start + C qpos and u = C qvel: an absolute angle is a sum of hinges; shape (n_q, n_v)."""
     matrix = np.zeros((len(mechanism.coordinates), int(model.nv)))
     for i, body in enumerate(mechanism.bodies):

@@ -44,7 +44,7 @@ class Dynamics:
     centres: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
     """Centre of mass of each body in the world [m], shape (2,)."""
     stop_gaps: Mapping[str, float] = field(default_factory=dict[str, float])
-    """The engine's own measure of the closed stops' gaps [rad]: zero, if they stand where they should."""
+    """The engine's own measure of its stops' gaps [rad]: zero for a closed one, if it stands where it should."""
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from ..models.mechanism import Mechanism
 from ..models.problem import Problem, StopLaw
 from ..models.spec import NonNegative, Real
+from .inspection import Inspection, State
 from .protocol import BuiltinEngine, Capabilities, Recording
 
 _Impedance = Annotated[Real, Field(ge=1e-4, le=0.9999)]
@@ -88,3 +90,9 @@ class MujocoEngine(BuiltinEngine):
         from ._mujoco_run import run
 
         return run(problem, self)
+
+    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
+        """The built model's mass matrix, forces and forward dynamics in each state, its closed limits at rest."""
+        from ._mujoco_inspect import inspect
+
+        return inspect(mechanism, states, self)

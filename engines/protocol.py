@@ -166,11 +166,19 @@ class BuiltinEngine(Spec, ABC):
     def _run(self, problem: Problem) -> Recording:
         """Build, run and read out."""
 
-    def _refuse_what_cannot_run(self, problem: Problem) -> None:
+    def refuse_absence(self) -> None:
+        """Say that the engine is not here, before its library is missed.
+
+        Raises:
+            EngineNotInstalledError: the engine's package is not here.
+        """
         if not self.is_installed():
             raise EngineNotInstalledError(
                 f"engine {self.name!r} is not installed here; `pip install {self.package}` brings it."
             )
+
+    def _refuse_what_cannot_run(self, problem: Problem) -> None:
+        self.refuse_absence()
         if problem.stop_law not in self.capabilities.stop_laws:
             laws = ", ".join(sorted(self.capabilities.stop_laws))
             raise UnsupportedProblemError(

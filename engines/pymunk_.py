@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, ClassVar
 
 from pydantic import Field
 
+from ..models.mechanism import Mechanism
 from ..models.problem import Problem, StopLaw
 from ..models.spec import Positive, Real
+from .inspection import Inspection, State
 from .protocol import BuiltinEngine, Capabilities, Recording
 
 _LIBRARY_ERROR_BIAS = (1.0 - 0.1) ** 60
@@ -69,3 +71,9 @@ class PymunkEngine(BuiltinEngine):
         from ._pymunk_run import record
 
         return record(problem, self)
+
+    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
+        """The built bodies' inertia, and accelerations and torques by one step of theirs in each state."""
+        from ._pymunk_inspect import inspect
+
+        return inspect(mechanism, states, self)

@@ -32,8 +32,11 @@ FAR = 1e10
 MARGIN = 1e-12
 """How near its limit a joint must be for the limit to act [rad]; strictly nearer, so 0 would miss the start."""
 
-POINT_INERTIA = 1e-12
-"""Moment of inertia that stands for none [kg m^2]: MuJoCo refuses 0; 1e-6 already costs 1.6e-8 m."""
+POINT_INERTIA = 2e-15
+"""Moment of inertia that stands for none [kg m^2]: twice the least that MuJoCo takes (mjMINVAL).
+
+It counts relative to m r^2: 1e-6 costs 1.6e-8 m on Table I, 1e-12 shows in the model of a machine of a few grams.
+"""
 
 _COLOURS = ("0.55 0.35 0.17 1", "0.20 0.45 0.70 1", "0.35 0.35 0.38 1", "0.75 0.55 0.20 1")
 _DENSITY = 1000.0  # [kg/m^3] of the drawn spheres only

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
 from ...engines.inspection import Inspectable, Inspection, State
 from ...engines.protocol import Engine
 from ...models.arrays import FloatArray
+from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
-from ..equality import Expected, compared, equality, expected
+from ...reference.altered import WithJoint, WithoutCentrifugal
+from ...reference.equations import Equations
+from ..equality import EXACT, Expected, compared, equality, expected, stops_misplaced
 from ..results import Cause, Diagnosis, Equality
 from ..states import random_states
-from .fit import match
+from .fit import Match, match
 from .suspects import machine_suspects
 
 _NAMED = 6  # suspects that are kept
+_SMALL = 1e-6  # of an added term, in its unit
 _TELLING = 0.05  # of a deviation: what accounts for less is no suspect
 _ALIKE = 1e-6  # relative, or [rad]: of a value that was mistaken for another
 _READ_OFF = 0.9  # what is read off one figure gives way to what explains all of them
@@ -62,12 +67,12 @@ def _unknown_stops(engine: Inspectable, mechanism: Mechanism, states: Sequence[S
 def _plain(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> Iterator[Cause]:
     """What can be read off: where it starts, where its stops stand, which of them are there."""
     for name, mine, theirs in zip(mechanism.coordinates, found.start, mechanism.start, strict=True):
-        if abs(mine - theirs) > _ALIKE * max(1.0, abs(theirs)):
+        if abs(mine - theirs) > EXACT * max(1.0, abs(theirs)):
             mistake = _mistaken(float(mine), theirs)
             amount = mistake or f"{mine - theirs:+.3g} rad or m"
             yield Cause(name=f"start of {name}", kind="start", amount=amount, explained=1.0 if mistake else _READ_OFF)
-    for name, gap in _gaps(found).items():
-        if abs(gap) > _ALIKE:
+    for name, gap in stops_misplaced(expected(mechanism, states), found.dynamics).items():
+        if abs(gap) > EXACT:
             amount = f"{math.degrees(gap):+.3g} deg"
             yield Cause(name=f"place of the {name}", kind="machine", amount=amount, explained=_READ_OFF)
     for stop in mechanism.stops:
@@ -76,15 +81,6 @@ def _plain(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> 
         if held and not any(held):
             # A stop that stands elsewhere pushes as little as one that is not there: then its place is the cause.
             yield Cause(name=f"{stop.name} missing", kind="law", explained=_READ_OFF / 2)
-
-
-def _gaps(found: Inspection) -> dict[str, float]:
-    """How far from its place each stop stands, by the engine's own measure [rad]."""
-    gaps: dict[str, list[float]] = {}
-    for dynamics in found.dynamics:
-        for name, gap in dynamics.stop_gaps.items():
-            gaps.setdefault(name, []).append(gap)
-    return {name: float(np.median(values)) for name, values in gaps.items()}
 
 
 def _mistaken(mine: float, theirs: float) -> str:
@@ -100,27 +96,61 @@ def _mistaken(mine: float, theirs: float) -> str:
 
 def _fitted(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> Iterator[Cause]:
     """Machines that would differ in the same way, start and stops included."""
-    right, gaps = expected(mechanism, states), _gaps(found)
+    right = expected(mechanism, states)
+    gaps = stops_misplaced(right, found.dynamics)
     start = found.start - np.array(mechanism.start)
     deviation = np.concatenate([compared(right, found.dynamics), start, list(gaps.values())])
     if not np.isfinite(deviation).all() or not deviation.any():
         return
     for suspect in machine_suspects(mechanism):
-        signature = _signature(mechanism, right, suspect.wrong, states, found)
-        if signature is None:
-            continue  # a stop less: read off above
-        matched = match(deviation, signature, fixed=suspect.scale == 0)
+        matched = _best(
+            match(deviation, signature, fixed=suspect.scale == 0)
+            for signature in _signatures(mechanism, right, suspect.wrong, states, found, tuple(gaps))
+        )
         if matched.explained > _TELLING:
             amount = suspect.amount(matched.factor)
             yield Cause(name=suspect.name, kind=suspect.kind, amount=amount, explained=matched.explained)
+    nothing = np.zeros(len(start) + len(gaps))
+    for name, unit, equations in _other_laws(mechanism):
+        wrong = expected(mechanism, states, equations).as_dynamics(found.dynamics)
+        matched = match(deviation, np.concatenate([compared(right, wrong), nothing]), fixed=not unit)
+        if matched.explained > _TELLING:
+            amount = f"{matched.factor * _SMALL:.3g} {unit}" if unit else ""
+            yield Cause(name=name, kind="law", amount=amount, explained=matched.explained)
 
 
-def _signature(
-    mechanism: Mechanism, right: Expected, wrong: Mechanism, states: Sequence[State], found: Inspection
-) -> FloatArray | None:
+def _best(matches: Iterable[Match]) -> Match:
+    return max(matches, key=lambda found: found.explained, default=Match(0.0, 0.0))
+
+
+def _other_laws(mechanism: Mechanism) -> Iterator[tuple[str, str, Equations]]:
+    """Equations with another term in them, or one less; name, unit of the term ('': not a matter of degree)."""
+    yield "velocity-dependent forces dropped", "", WithoutCentrifugal(mechanism)
+    for joint in mechanism.joints:
+        yield f"damping of the {joint.name}", "N m s/rad", WithJoint(mechanism, joint.name, damping=_SMALL)
+        yield f"armature of the {joint.name}", "kg m^2", WithJoint(mechanism, joint.name, armature=_SMALL)
+
+
+def _signatures(
+    mechanism: Mechanism,
+    right: Expected,
+    wrong: Mechanism,
+    states: Sequence[State],
+    found: Inspection,
+    gaps: tuple[str, ...],
+) -> Iterator[FloatArray]:
+    """What a wrong machine shows, in an engine with absolute coordinates and in one that counts from its start.
+
+    The latter stands off from where it is put by as much as its start is wrong.
+    """
     stops = {stop.name: stop for stop in wrong.stops}
-    if any(name not in stops for state in states for name in state.closed):
-        return None
-    limits = [mechanism.stop(name).limit - stops[name].limit for name in _gaps(found)]
+    if any(stop.name not in stops for stop in mechanism.stops):
+        return  # a stop less: that is read off
+    kinematics = Kinematics(mechanism)
+    limits = np.array([mechanism.stop(name).limit - stops[name].limit for name in gaps])
     start = np.array(wrong.start) - np.array(mechanism.start)
-    return np.concatenate([compared(right, expected(wrong, states).as_dynamics(found.dynamics)), start, limits])
+    rows = np.array([kinematics.gap_row(name) for name in gaps]).reshape(len(gaps), len(start))
+    for shift in (np.zeros_like(start), start) if start.any() else (start,):
+        placed = [replace(state, q=state.q + shift) for state in states]
+        shown = expected(wrong, placed).as_dynamics(found.dynamics)
+        yield np.concatenate([compared(right, shown), start, limits + rows @ shift])

@@ -14,7 +14,7 @@ from ...models.errors import TrebucheckError
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.trajectory import Trajectory
-from ...reference.scheduled import WithoutCentrifugal, solve_scheduled
+from ...reference.altered import WithoutCentrifugal, solve_scheduled
 from ...reference.solution import Solution
 from ...reference.solver import solve
 from ..metrics import against

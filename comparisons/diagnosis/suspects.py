@@ -180,7 +180,9 @@ def _rounded(mechanism: Mechanism) -> Iterator[Suspect]:
             if chosen != parameters:
                 yield Suspect(f"parameters in {what}", "machine", model(mechanism.name, chosen), scale=0.0)
         data = _cut({key: value for key, value in mechanism.model_dump().items() if key != "stops"}, cut)
-        wrong = _changed(mechanism, **data, stops=_stops_at(mechanism, tuple(data["start"])))
+        stops = _stops_at(mechanism, tuple(data["start"]))
+        limits = [stop | ({} if stop["closed"] else {"limit": cut(stop["limit"])}) for stop in stops]
+        wrong = _changed(mechanism, **data, stops=limits)
         if wrong and wrong != mechanism:
             yield Suspect(f"data in {what}", "machine", wrong, scale=0.0)
 

@@ -1,7 +1,7 @@
-"""The reference's motion with stops that open when they are told to, and not when they would.
+"""The reference with a fault in it, for deviations to be compared with.
 
-What a wrong release does to a motion, or a stop that never lets go, is computed here rather than guessed: the same
-equations, the same integrator, another schedule.
+What a wrong release does to a motion, a stop that never lets go, friction that nobody asked for or forces that were
+forgotten, is computed here rather than guessed: the same equations but for the one thing, the same integrator.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.integrate import DOP853, DenseOutput, OdeSolution
 
-from ..models.arrays import FloatArray
+from ..models.arrays import ComplexArray, FloatArray
 from ..models.errors import InputError, SimulationError
+from ..models.mechanism import Mechanism
 from ..models.problem import Problem
 from .equations import Equations
 from .solution import Segment, Solution
@@ -23,10 +24,28 @@ TOLERANCE = 1e-12
 
 
 class WithoutCentrifugal(Equations):
-    """The equations with their centrifugal (and so all velocity-dependent) forces left out: a fault to compare with."""
+    """The equations with their centrifugal (and so all velocity-dependent) forces left out."""
 
     def _bias(self, quadratic: object, u: FloatArray) -> FloatArray:
         return np.zeros_like(u)
+
+
+class WithJoint(Equations):
+    """The equations with viscous damping [N m s/rad] and a rotor's inertia (armature) [kg m^2] on one joint."""
+
+    def __init__(self, mechanism: Mechanism, joint: str, damping: float = 0.0, armature: float = 0.0) -> None:
+        super().__init__(mechanism)
+        found = next(j for j in mechanism.joints if j.name == joint)
+        row = np.zeros(len(mechanism.coordinates))
+        bodies = [body.name for body in mechanism.bodies]
+        row[bodies.index(found.child)] = 1.0
+        if found.parent in bodies:
+            row[bodies.index(found.parent)] = -1.0
+        self._damping = damping * np.outer(row, row)
+        self._inertias = self._inertias + armature * np.outer(row, row)
+
+    def _bias(self, quadratic: ComplexArray, u: FloatArray) -> FloatArray:
+        return super()._bias(quadratic, u) + u @ self._damping
 
 
 def solve_scheduled(

@@ -1,0 +1,59 @@
+"""Stops as springs: what they carry at the start, and how they are damped."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..models.errors import InputError
+from ._exudyn_build import Spring
+from ._exudyn_matrices import Closed, Matrices, matrices, solve_constrained
+from ._exudyn_solver import Solver, State
+
+_ROUNDING = 1e-15  # [rad] of the difference of two angles of some radians
+_DIGITS = 1e-4  # of the largest torque, that are to stand above the rounding
+
+
+def springs(solver: Solver, state: State, closed: Closed, stiffness: float, damping_ratio: float) -> dict[str, Spring]:
+    """A spring for each stop that pushes at a state, in balance there.
+
+    Without the preload a spring would first have to be pressed: the machine would start with a fall onto it, and the
+    torque with an oscillation from zero to twice what it should be.
+
+    Args:
+        solver: of the same mechanism with its stops as constraints.
+        state: the start.
+        closed: stops that push there.
+        stiffness: of each spring [N m/rad].
+        damping_ratio: of each spring, with the inertia that the stop holds at the start; 1 is critical.
+
+    Raises:
+        InputError: so stiff a spring would turn the rounding of its angles into torques that matter.
+    """
+    row = solver.balance(state, closed).row
+    torques = {name: solver.torque(row, name) for name in closed}
+    _refuse_noise(stiffness, max(torques.values()))
+    with matrices(solver.system) as here:
+        here.set(state.coordinates, state.rates)
+        inertias = {name: _inertia(here, name) for name in closed}
+    return {
+        name: Spring(stiffness, 2 * damping_ratio * math.sqrt(stiffness * inertias[name]), torques[name])
+        for name in closed
+    }
+
+
+def _refuse_noise(stiffness: float, torque: float) -> None:
+    most = _DIGITS * torque / _ROUNDING
+    if 0 < most < stiffness:
+        raise InputError(
+            f"stop_stiffness = {stiffness:g} N m/rad would turn the rounding of angles into a torque of "
+            f"{stiffness * _ROUNDING:.2g} N m, of {torque:.3g} N m in the stops; at most {most:.2g} is resolved."
+        )
+
+
+def _inertia(here: Matrices, stop: str) -> float:
+    """Torque on a stop's gap that opens it at 1 rad/s^2, the other stops open [kg m^2]."""
+    joints, row = here.jacobian(()), here.stop_row(stop)
+    opened, _ = solve_constrained(here.mass(), joints, row, np.zeros(len(joints)))
+    return 1.0 / float(row @ opened)

@@ -1,0 +1,129 @@
+"""Exudyn's stops as springs: the law of their softness, their balance at the start, how they let go."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+from table_one import MACHINES, error, reference
+from trebucheck.engines.exudyn_ import ExudynEngine
+from trebucheck.models.errors import InputError
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.parameters import TrebuchetParameters
+from trebucheck.models.problem import Problem
+from trebucheck.models.trebuchet import HANGER_REST, SLING_REST, fixed, rolling
+from trebucheck.reference.solution import Solution
+from trebucheck.reference.solver import solve, solve_to_launch
+
+pytest.importorskip("exudyn")
+
+RESTS = (HANGER_REST, SLING_REST)
+STEP = 5e-4  # [s] second order leaves 0.1 mm: a tenth of what the stiffest springs of the law leave
+SOFTEST, STIFFEST = 10**7.5, 10**9.5  # [N m/rad]
+
+
+def to_launch(mechanism: Mechanism) -> Solution:
+    """Reference motion up to the launch."""
+    launch = solve_to_launch(mechanism).launch
+    assert launch is not None
+    return solve(Problem(mechanism, launch.time))
+
+
+def errors(exact: Solution, stiffnesses: list[float]) -> list[float]:
+    """Of the projectile's position [m], by stiffness."""
+    engines = [ExudynEngine(timestep=STEP, stop_stiffness=stiffness) for stiffness in stiffnesses]
+    return [error(engine.simulate(exact.problem), exact) for engine in engines]
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_the_error_falls_with_the_stiffness(name: str) -> None:
+    """A preloaded spring lets go at a gap of torque / stiffness, so the error's exponent is -1."""
+    stiffnesses = np.geomspace(SOFTEST, STIFFEST, 5)
+    fit = stats.linregress(np.log(stiffnesses), np.log(errors(reference(name), stiffnesses.tolist())))
+    assert fit.slope == pytest.approx(-1.0, abs=0.1)
+    assert stats.t.ppf(0.975, df=3) * fit.stderr <= 0.1  # one line through all of them, not a bend
+
+
+OTHERS = {
+    "other lengths and masses": rolling(TrebuchetParameters(l1=9, l2=3, r=5, h=8, m_b=100, m_cw=4000, m_a=500)),
+    "on the move": fixed().model_copy(update={"start_speeds": (0.3, 0.3, 0.3)}),
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_the_law_is_not_table_ones(name: str) -> None:
+    soft, stiff = errors(to_launch(OTHERS[name]), [SOFTEST, STIFFEST])
+    assert np.log(stiff / soft) / np.log(STIFFEST / SOFTEST) == pytest.approx(-1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_springs_start_in_balance_and_let_go_where_nothing_is_left(name: str) -> None:
+    exact, stiffness = reference(name), 1e9
+    run = ExudynEngine(timestep=STEP, stop_stiffness=stiffness).simulate(exact.problem)
+    there = exact.trajectory(run.t)
+    for rest in RESTS:
+        torque, release = run.stop_torque(rest), run.release_time(rest)
+        assert release is not None
+        assert torque[0] == pytest.approx(there.stop_torque(rest)[0], rel=1e-9)  # two extrapolated solves
+        assert (torque[run.t < release] > 0).all()
+        assert (torque[run.t >= release] == 0).all()
+        # Nothing rings from the start, where a spring without its preload would swing from zero to twice its torque.
+        assert np.abs(torque - there.stop_torque(rest)).max() <= 1e-2 * torque[0]
+    # The damper lags by 2 * 0.1 / w, with w = sqrt(k / I) near 100 rad/s: milliseconds in a throw of seconds.
+    gap = np.interp(run.release_time(HANGER_REST) or np.nan, run.t, run.stop_gap(HANGER_REST))
+    assert gap == pytest.approx(run.stop_torque(HANGER_REST)[0] / stiffness, rel=0.02)
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_the_stiffest_springs_are_as_good_as_constraints(name: str) -> None:
+    """Also where the rounding of a stiff spring's force is far above the tolerance of Newton's residual."""
+    exact = reference(name)
+    held = error(ExudynEngine(timestep=STEP).simulate(exact.problem), exact)
+    assert errors(exact, [1e13])[0] == pytest.approx(held, rel=0.05)
+
+
+def test_undamped_springs_ring_and_let_go_at_the_wrong_time() -> None:
+    """Why they are damped: the hanger's release sets the sling's spring swinging."""
+    exact = reference("fixed")
+    time = exact.release_times[SLING_REST]
+    assert time is not None
+    off: list[float] = []
+    for ratio in (0.0, ExudynEngine().stop_damping_ratio):
+        engine = ExudynEngine(timestep=STEP, stop_stiffness=1e9, stop_damping_ratio=ratio)
+        off.append(abs((engine.simulate(exact.problem).release_time(SLING_REST) or np.nan) - time))
+    assert off[0] > 3 * off[1]
+
+
+def test_a_spring_that_would_have_to_pull_is_gone_at_the_start() -> None:
+    # Beyond l1 = 12.7255 m the hanger's rest would have to pull (PHYSICS.md); the sling's then pushes by itself.
+    problem = Problem(fixed(TrebuchetParameters.with_beam(12.8)), 0.5)
+    run, exact = ExudynEngine(timestep=1e-3, stop_stiffness=1e9).simulate(problem), solve(problem)
+    assert run.release_time(HANGER_REST) == 0.0
+    assert not run.stop_torque(HANGER_REST).any()
+    torque = exact.trajectory(np.zeros(1)).stop_torque(SLING_REST)[0]
+    assert run.stop_torque(SLING_REST)[0] == pytest.approx(torque, rel=1e-9)
+
+
+def test_without_a_stiffness_stops_are_constraints() -> None:
+    runs = [ExudynEngine(timestep=1e-2, **o).simulate(Problem(fixed(), 2.0)) for o in ({}, {"stop_damping_ratio": 3.0})]
+    assert ExudynEngine.tuned().stop_stiffness is None
+    assert ExudynEngine.stock().stop_stiffness is None
+    assert np.array_equal(runs[0].q, runs[1].q)
+    assert np.abs(runs[0].stop_gap(HANGER_REST)[runs[0].t < 1.19]).max() <= 1e-12
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("stop_stiffness", 0.0), ("stop_stiffness", -1e9), ("stop_stiffness", np.inf), ("stop_damping_ratio", -0.1)],
+)
+def test_a_wrong_option_is_named(option: str, value: float) -> None:
+    with pytest.raises(InputError, match=option):
+        ExudynEngine(**{option: value})
+
+
+def test_a_stiffness_beyond_rounding_is_refused() -> None:
+    message = (
+        r"^stop_stiffness = 1e\+20 N m/rad would turn the rounding .* of 7\.96e\+04 N m in the stops; at most .*\.$"
+    )
+    with pytest.raises(InputError, match=message):
+        ExudynEngine(stop_stiffness=1e20).simulate(Problem(fixed(), 0.5))

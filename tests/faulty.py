@@ -1,0 +1,166 @@
+"""Engines with a fault built in, for the tests that the checks catch it and name it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from scipy.optimize import brentq
+from trebucheck.engines.inspection import Inspection, State
+from trebucheck.reference.altered import WithoutCentrifugal, solve_scheduled
+from trebucheck.reference.equations import Equations
+from trebucheck.reference.solution import Solution
+from trebucheck.reference.solver import solve
+
+P = tb.TrebuchetParameters
+TABLE_ONE = P()
+NUMBER = re.compile(r"-?\d+\.?\d*(?:e[-+]?\d+)?")
+
+
+def _same(x: Any) -> Any:
+    return x
+
+
+@dataclass(frozen=True)
+class Faulty:
+    """An engine that is given a wrong machine, moves it by its own law, or is read wrongly."""
+
+    inner: Any
+    machine: Callable[[tb.Mechanism], tb.Mechanism] = _same
+    state: Callable[[State], State] = _same
+    law: Callable[[tb.Problem], Solution] | None = None
+    reading: Callable[[tb.Trajectory], tb.Trajectory] = _same
+
+    @property
+    def name(self) -> str:
+        return self.inner.name
+
+    @property
+    def capabilities(self) -> tb.Capabilities:
+        return self.inner.capabilities
+
+    def model_dump(self, **options: Any) -> dict[str, Any]:
+        return self.inner.model_dump(**options)
+
+    def inspect(self, mechanism: tb.Mechanism, states: Sequence[State]) -> Inspection:
+        return self.inner.inspect(self.machine(mechanism), [self.state(state) for state in states])
+
+    def simulate(self, problem: tb.Problem) -> tb.Trajectory:
+        wrong = tb.Problem(self.machine(problem.mechanism), duration=problem.duration)
+        moved = self.inner.simulate(wrong)
+        if self.law is not None:
+            moved = self.law(wrong).trajectory(moved.t, moved.provenance)
+        stops = {stop.name: None for stop in problem.mechanism.stops}
+        nothing = dict.fromkeys(stops, np.zeros(len(moved.t)))
+        whole = replace(
+            moved,
+            mechanism=problem.mechanism,
+            stop_torques=nothing | dict(moved.stop_torques),
+            release_times=stops | dict(moved.release_times),
+        )
+        return self.reading(whole)
+
+
+def parameters(**changes: float) -> Callable[[tb.Mechanism], tb.Mechanism]:
+    """The machine with other parameters."""
+    build = {"fixed": tb.fixed, "rolling": tb.rolling}
+    return lambda mechanism: build[mechanism.name](P(**changes))
+
+
+def body(name: str, **changes: float | Callable[[Any], float]) -> Callable[[tb.Mechanism], tb.Mechanism]:
+    """The machine with another body."""
+
+    def wrong(mechanism: tb.Mechanism) -> tb.Mechanism:
+        old = mechanism.body(name)
+        new = {key: value(old) if callable(value) else value for key, value in changes.items()}
+        bodies = [b.model_dump() | (new if b.name == name else {}) for b in mechanism.bodies]
+        return tb.Mechanism(**{**mechanism.model_dump(), "bodies": bodies})
+
+    return wrong
+
+
+def without(stop: str) -> Callable[[tb.Mechanism], tb.Mechanism]:
+    """The machine without a stop."""
+
+    def wrong(mechanism: tb.Mechanism) -> tb.Mechanism:
+        stops = [s.model_dump() for s in mechanism.stops if s.name != stop]
+        return tb.Mechanism(**{**mechanism.model_dump(), "stops": stops})
+
+    return wrong
+
+
+def at_rest(state: State) -> State:
+    """The state as an engine sees it that leaves velocity-dependent forces out."""
+    return State(state.q, np.zeros_like(state.u), state.closed)
+
+
+def no_centrifugal(problem: tb.Problem) -> Solution:
+    right = solve(problem)
+    return solve_scheduled(problem, right.release_times, WithoutCentrifugal(problem.mechanism))
+
+
+def never(stop: str) -> Callable[[tb.Problem], Solution]:
+    """A law by which a stop never opens."""
+    return lambda problem: solve_scheduled(problem, {**solve(problem).release_times, stop: None})
+
+
+def released_as_if_alone(problem: tb.Problem) -> Solution:
+    """The hanger's release by the torque it would carry were the sling free: another active set than the actual one."""
+    right, equations = solve(problem), Equations(problem.mechanism)
+    time = right.release_times["hanger rest"]
+    if time is None:
+        return right
+    held = solve_scheduled(problem, {**right.release_times, "hanger rest": None})
+
+    def alone(t: float) -> float:
+        motion = held.motion(np.array([t]))
+        return float(equations.solve(motion.q[0], motion.u[0], ("hanger rest",))[1][0])
+
+    wrong = brentq(alone, time - 0.05, time + 0.1, xtol=1e-14)
+    return solve_scheduled(problem, {**right.release_times, "hanger rest": wrong})
+
+
+def rounded_text(monkeypatch: pytest.MonkeyPatch, change: Callable[[str], str]) -> None:
+    """MuJoCo is given another text of its model."""
+    from trebucheck.engines import _mujoco_model
+
+    right = _mujoco_model.mjcf
+    monkeypatch.setattr(_mujoco_model, "mjcf", lambda *arguments: change(right(*arguments)))
+
+
+def six_digits(text: str) -> str:
+    return NUMBER.sub(lambda number: f"{float(number[0]):.6g}", text)
+
+
+def damped(text: str) -> str:
+    """One joint of the model with viscous damping."""
+    return re.sub(r'<joint ([^>]*name="hanger pin")', r'<joint damping="1" \1', text)
+
+
+def scaled_torques(trajectory: tb.Trajectory) -> tb.Trajectory:
+    return replace(trajectory, stop_torques={n: 1.001 * v for n, v in trajectory.stop_torques.items()})
+
+
+def flipped_torque(trajectory: tb.Trajectory) -> tb.Trajectory:
+    torques = {**trajectory.stop_torques, "sling rest": -trajectory.stop_torques["sling rest"]}
+    return replace(trajectory, stop_torques=torques)
+
+
+def half_a_step_late(trajectory: tb.Trajectory) -> tb.Trajectory:
+    half = 0.5 * float(np.median(np.diff(trajectory.t)))
+    return replace(trajectory, t=np.concatenate([[0.0], trajectory.t[1:] - half]))
+
+
+def energy_of_the_step_before(trajectory: tb.Trajectory) -> tb.Trajectory:
+    energy = trajectory.kinetic_energy
+    return replace(trajectory, kinetic_energy=np.concatenate([energy[:1], energy[:-1]]))
+
+
+def releases_at_steps_ends(trajectory: tb.Trajectory) -> tb.Trajectory:
+    times = {n: v and float(np.ceil(v * 1e3) / 1e3) for n, v in trajectory.release_times.items()}
+    return replace(trajectory, release_times=times)
