@@ -17,6 +17,7 @@ from ...models.trajectory import Trajectory
 from ...reference.altered import WithoutCentrifugal, solve_scheduled
 from ...reference.solution import Solution
 from ...reference.solver import solve
+from ..budget.causes import causes_of, described
 from ..metrics import against
 from ..results import Cause, Diagnosis, Run
 from .fit import Match, match
@@ -32,7 +33,6 @@ _NAMED = 6
 _TELLING = 0.05
 _CERTAIN = 0.98  # a suspect that accounts for so much ends the search before engines have to run again
 _REFINED = 4  # suspects that are tried once more with the size found, for what is not linear
-_FINER = 4  # times finer a step, for what the step is to blame
 _TOLERANCE = 1e-11  # of the suspects' motions
 
 
@@ -220,7 +220,7 @@ def _reading_causes(case: _Case) -> Iterator[Cause]:
 
 
 def _settings_causes(case: _Case, engine: Engine, simulate: Simulate) -> Iterator[Cause]:
-    """Options put to where they do less harm, one at a time: what then is gone was theirs."""
+    """The causes of the engine's error budget, taken out one at a time: what then is gone was theirs."""
     size = float(np.linalg.norm(case.deviation))
     problem = Problem(case.whole.mechanism, duration=case.whole.provenance.duration)
     for name, amount, changed in _other_settings(engine):
@@ -234,18 +234,17 @@ def _settings_causes(case: _Case, engine: Engine, simulate: Simulate) -> Iterato
 
 
 def _other_settings(engine: Engine) -> Iterator[tuple[str, str, Engine]]:
-    """The engine with a finer step, or with one option as in its tuned preset; name, amount, engine."""
+    """The engine without one of its budget's causes, or with one option as tuned; name, amount, engine."""
     if not isinstance(engine, BuiltinEngine):
         return
-    options = engine.model_dump(exclude={"preset"})
-    tuned = type(engine).tuned(timestep=engine.timestep).model_dump(exclude={"preset"})
-    finer = type(engine)(**{**options, "timestep": engine.timestep / _FINER})
-    yield "time step", f"{engine.timestep:g} s; compared with a step {_FINER} times finer", finer
+    options = engine.model_dump(mode="json", exclude={"preset"})
+    known: set[str] = set()
+    for cause in causes_of(engine):
+        if cause.removal is not None and cause.removal.options:
+            known |= cause.removal.options.keys()
+            other = type(engine)(**{**options, **cause.removal.options})
+            yield cause.name, described(cause.removal, options), other
+    tuned = type(engine).tuned(timestep=engine.timestep).model_dump(mode="json", exclude={"preset"})
     for name, value in options.items():
-        if value != tuned[name]:
-            said = f"{_short(value)}; tuned: {_short(tuned[name])}"
-            yield f"option {name}", said, type(engine)(**{**options, name: tuned[name]})
-
-
-def _short(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
+        if value != tuned[name] and name not in known:
+            yield f"option {name}", f"{value}; tuned: {tuned[name]}", type(engine)(**{**options, name: tuned[name]})

@@ -77,12 +77,12 @@ FAULTS = (
     Fault("time shifted by half a step", MOTION, "time shifted", {"reading": faulty.half_a_step_late}),
     Fault("energy of the step before", MOTION, "energy shifted", {"reading": faulty.energy_of_the_step_before}),
     Fault("releases at the steps' ends", MOTION, "rest's release", {"reading": faulty.releases_at_steps_ends}),
-    Fault("a solver's default tolerance", MOTION, "tolerance", {}, options={"solver": "CG", "tolerance": 1e-8}),
-    Fault("limits as soft as MuJoCo's own", MOTION, "sol", {}, options={"solref": (0.02, 1.0)}),
-    Fault("positions of the step before in pymunk", MOTION, "leapfrog", {}, "pymunk", {"leapfrog": False}),
-    Fault("pymunk's own error_bias", MOTION, "error_bias", {}, "pymunk", {"error_bias": 0.9**60}),
+    Fault("a solver's default tolerance", MOTION, "solver tolerance", {}, options={"solver": "CG", "tolerance": 1e-8}),
+    Fault("limits as soft as MuJoCo's own", MOTION, "softness", {}, options={"solref": (0.02, 1.0)}),
+    Fault("positions of the step before in pymunk", MOTION, "start and labels", {}, "pymunk", {"leapfrog": False}),
+    Fault("pymunk's own error_bias", MOTION, "error bias", {}, "pymunk", {"error_bias": 0.9**60}),
     Fault(
-        "Newton's loose tolerance", MOTION, "newton", {}, "exudyn",
+        "Newton's loose tolerance", MOTION, "Newton", {}, "exudyn",
         {"newton_relative": 1e-2, "newton_absolute": 1e-2, "modified_newton": True, "timestep": 1e-3},
     ),
 )  # fmt: skip

@@ -1,0 +1,132 @@
+"""The gate and the diagnosis, on the reference and on engines of a third party: no engine library needed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import plugins
+import pytest
+import trebucheck as tb
+from conftest import machine_parameters
+from faulty import Faulty, body, parameters
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from trebucheck.comparisons.diagnosis.fit import match
+from trebucheck.comparisons.diagnosis.gate import gate
+from trebucheck.comparisons.diagnosis.parting import growth, holding_at
+from trebucheck.comparisons.diagnosis.suspects import machine_suspects, more_wrong
+from trebucheck.comparisons.equality import EXACT, equality
+from trebucheck.comparisons.results import Cause, Diagnosis, Outcome, Run
+from trebucheck.comparisons.states import random_states
+from trebucheck.comparisons.summary import diagnosis
+from trebucheck.models.trebuchet import parameters_of
+from trebucheck.reference.equations import Equations
+from trebucheck.reference.solver import solve
+from trebucheck.reference.stops import pushing
+
+Build = Callable[..., tb.Mechanism]
+
+
+def test_a_signature_of_the_same_shape_is_found_with_its_size() -> None:
+    signature = np.array([1.0, -2.0, 3.0])
+    found = match(7.0 * signature, signature)
+    assert found.factor == pytest.approx(7.0) and found.explained == pytest.approx(1.0)
+    assert match(7.0 * signature, signature, fixed=True).explained == pytest.approx(1 / 7)
+
+
+def test_what_stands_across_explains_nothing() -> None:
+    assert match(np.array([1.0, 0.0]), np.array([0.0, 1.0])).explained == 0.0
+    assert match(np.zeros(2), np.ones(2)).explained == 0.0
+
+
+def test_states_are_where_they_should_be(build: Build) -> None:
+    mechanism, equations = build(), Equations(build())
+    states = random_states(mechanism)
+    assert {state.closed for state in states} >= {(), ("hanger rest",), ("sling rest",), ("hanger rest", "sling rest")}
+    for state in states:
+        for stop in mechanism.stops:
+            gap = float(equations.kinematics.gap(stop.name, state.q))
+            speed = float(equations.kinematics.gap_row(stop.name) @ state.u)
+            if stop.name in state.closed:
+                assert abs(gap) < 1e-13 and abs(speed) < 1e-13  # rounding of angles up to ten
+            else:
+                assert gap > 0
+        assert pushing(equations, state.q, state.u, state.closed) == state.closed
+
+
+@settings(max_examples=10)
+@given(chosen=machine_parameters(), rolls=st.booleans())
+def test_parameters_are_read_off_a_machine(chosen: tb.TrebuchetParameters, rolls: bool) -> None:
+    machine = (tb.rolling if rolls else tb.fixed)(chosen)
+    assert parameters_of(machine) == chosen
+    assert parameters_of(body("arm", mass=machine.body("arm").mass * 1.001)(machine)) is None
+
+
+def test_minimal_and_redundant_coordinates_pass_each_others_gate(build: Build) -> None:
+    found = equality(tb.engine("reference"), build())
+    assert found.exposed and found.holds
+    assert {check.name for check in found.checks} >= {"acceleration", "stop torque", "centre of mass", "start"}
+    assert all(check.tolerance == EXACT for check in found.checks)
+
+
+def test_an_engine_that_shows_nothing_says_so() -> None:
+    found = equality(plugins.Echo(), tb.fixed())
+    assert not found.exposed and found.holds
+    assert found.note and "only its motion can tell" in found.note
+
+
+def test_an_engine_that_cannot_be_looked_into_fails(build: Build) -> None:
+    def broken(_: tb.Mechanism) -> tb.Mechanism:
+        raise ZeroDivisionError("careless")
+
+    found, why = gate(Faulty(tb.engine("reference"), machine=broken), build())
+    assert not found.holds and why is not None
+    assert found.note and "ZeroDivisionError: careless" in found.note
+
+
+def test_a_suspect_can_be_made_larger(build: Build) -> None:
+    suspect = next(s for s in machine_suspects(build()) if s.name.startswith("m_cw"))
+    larger = more_wrong(build(), suspect, 1000.0)
+    assert larger is not None
+    assert larger.wrong.body("hanger").mass == pytest.approx(3000.0 * 1.001, rel=1e-12)
+    assert suspect.amount(1000.0) == "+0.1 %"
+
+
+def test_a_machine_of_no_builder_has_suspects_too(build: Build) -> None:
+    other = body("arm", mass=900.0)(build())
+    names = {suspect.name for suspect in machine_suspects(other)}
+    assert {"mass of the arm", "gravity", "place of the sling pin on the arm", "start of phi"} <= names
+    wrong = Faulty(tb.engine("reference"), machine=body("hanger", mass=3003.0))
+    _, why = gate(wrong, other)
+    assert why is not None and why.causes[0].name == "mass of the hanger"
+    assert why.causes[0].amount == "+0.1 %"
+
+
+def test_an_error_grows_towards_the_launch(build: Build) -> None:
+    solution = solve(tb.Problem(build(), duration=2.5))
+    grown = growth(solution, np.linspace(0.0, 2.5, 100))
+    assert np.all(np.diff(grown) >= 0) and grown[-1] == pytest.approx(1.0) and grown[0] < 0.01
+    assert holding_at(solution, 0.1) == ("hanger rest", "sling rest")
+    assert holding_at(solution, 2.4) == ()
+
+
+def test_a_diagnosis_reads_as_a_sentence() -> None:
+    cause = Cause(name="g (gravity)", kind="machine", amount="+0.1 %", explained=0.9999)
+    found = Diagnosis(leads="launch_speed", parts_at=1.25, holding=("sling rest",), causes=(cause,))
+    run = Run(model="m", engine="e", preset="tuned", outcome=Outcome.BROKEN, engine_version="1", diagnosis=found)
+    (sentence,) = diagnosis(run)
+    assert "t = 1.25 s, while sling rest held" in sentence
+    assert "g (gravity) (+0.1 %): 100.0 % of it" in sentence
+
+
+def test_a_gate_that_fails_ends_the_run_and_not_the_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    from trebucheck.comparisons import campaign
+
+    make = campaign.engine
+    monkeypatch.setattr(campaign, "engine", lambda *a, **o: Faulty(make(*a, **o), machine=parameters(g=9.8)))
+    results = tb.compare(["fixed"], ["reference"], ["tuned"], isolate=False).results
+    (run,) = results.runs
+    assert run.outcome is Outcome.UNEQUAL and not results.passed
+    assert not run.metrics and run.message and "before any motion" in run.message
+    assert run.diagnosis and run.diagnosis.causes[0].name.startswith("g (gravity)")
