@@ -13,7 +13,10 @@ import plotly.graph_objects as go
 import trebucheck as tb
 from plotly.subplots import make_subplots
 from trebucheck.comparisons import figures
+from trebucheck.comparisons.advice import Advice
+from trebucheck.comparisons.budget.results import Explanation
 from trebucheck.comparisons.campaign import Comparison
+from trebucheck.comparisons.convergence.results import Studies
 from trebucheck.comparisons.results import Results
 from trebucheck.comparisons.summary import COLUMNS, step
 from trebucheck.models.schema import mechanism_schema, schema_text
@@ -63,6 +66,9 @@ def write_schemas() -> None:
     """The published JSON schemas."""
     (ROOT / "models" / "schemas" / "mechanism.schema.json").write_text(mechanism_schema())
     (ROOT / "comparisons" / "schemas" / "results.schema.json").write_text(schema_text(Results))
+    (ROOT / "comparisons" / "schemas" / "converge.schema.json").write_text(schema_text(Studies))
+    (ROOT / "comparisons" / "schemas" / "explain.schema.json").write_text(schema_text(Explanation))
+    (ROOT / "comparisons" / "schemas" / "recommend.schema.json").write_text(schema_text(Advice))
 
 
 def main() -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from . import certifying, comparing, engines, models, running, throwing
+from . import certifying, comparing, converging, engines, explaining, models, recommending, running, throwing
 
 app = typer.Typer(
     name="trebucheck",
@@ -26,9 +26,12 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.command("compare")(comparing.compare_command)
+app.command("explain")(explaining.explain_command)
 app.command("run")(running.run_command)
 app.command("throw")(throwing.throw_command)
 app.command("certify")(certifying.certify_command)
+app.command("recommend")(recommending.recommend_command)
+app.command("converge")(converging.converge_command)
 app.command("engines")(engines.engines_command)
 app.add_typer(models.app, name="models")
 
@@ -85,7 +88,7 @@ def _refused(sentence: str) -> int:
 
 def _interrupted() -> int:
     print(
-        "interrupted; runs that `compare` has finished are kept: `compare --resume` goes on from there.",
+        "interrupted; runs that `compare` or `converge` has finished are kept: with --resume it goes on from there.",
         file=sys.stderr,
     )
     return _INTERRUPTED

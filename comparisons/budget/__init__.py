@@ -1,0 +1,7 @@
+"""Error budgets: what each cause contributes to an engine's error, and what each option buys."""
+
+from __future__ import annotations
+
+from .causes import Cause, Intervention, causes_of
+
+__all__ = ["Cause", "Intervention", "causes_of"]

@@ -1,0 +1,119 @@
+"""Plots of the studies, as Plotly figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from ..plots import finish
+from .results import PowerLaw, QuantityName, Study
+
+_TITLES: dict[QuantityName, str] = {"position": "position [m]", "torque": "stop torque [N m]"}
+_MARKS = {"tuned": "circle", "stock": "square-open"}
+_COLOURS = {"mujoco": "#1f77b4", "pymunk": "#d9730d", "exudyn": "#2a9d5c"}  # as in the report of a comparison
+_OTHERS = ("#9467bd", "#8c564b", "#e377c2", "#17becf")
+
+
+def run_style(engine: str, preset: str) -> dict[str, Any]:
+    """Colour by engine, dashes by preset."""
+    other = _OTHERS[sum(map(ord, engine)) % len(_OTHERS)]
+    return {"color": _COLOURS.get(engine, other), "dash": "solid" if preset == "tuned" else "dot", "width": 1.6}
+
+
+def convergence(studies: Sequence[Study]) -> go.Figure:
+    """Error against the time step, position and torque, with the fitted lines and their slopes."""
+    figure = _pair()
+    for study in studies:
+        for column, quantity in enumerate(_TITLES, start=1):
+            _points(figure, study, quantity, column, name=study.label)
+            _line(figure, study, quantity, column)
+    figure.update_xaxes(title="time step [s]")
+    return _finished(figure, 520)
+
+
+def knob(study: Study) -> go.Figure:
+    """Error against one knob; where it can be told apart, the part of it that the knob makes."""
+    figure = _pair()
+    for column, quantity in enumerate(_TITLES, start=1):
+        if study.own:
+            _points(figure, study, quantity, column, name="whole error", whole=True)
+        name = "made by the knob" if study.own else "error"
+        _points(figure, study, quantity, column, name=name)
+        _line(figure, study, quantity, column)
+    figure.update_xaxes(title=f"{study.title} [{study.unit}]")
+    return _finished(figure, 360)
+
+
+def work_precision(studies: Sequence[Study]) -> go.Figure:
+    """Error against the median wall time; bars from the quickest to the slowest repeat."""
+    figure = _pair()
+    for study in studies:
+        timed = [point for point in study.points if point.wall_times]
+        median = np.array([np.median(point.wall_times) for point in timed])
+        spread = {
+            "type": "data",
+            "symmetric": False,
+            "array": np.array([max(point.wall_times) for point in timed]) - median,
+            "arrayminus": median - np.array([min(point.wall_times) for point in timed]),
+            "thickness": 1,
+        }
+        for column, quantity in enumerate(_TITLES, start=1):
+            figure.add_scatter(
+                x=median, y=[point.error(quantity) for point in timed], error_x=spread, mode="lines+markers",
+                name=study.label, legendgroup=study.label, showlegend=column == 1, row=1, col=column,
+                customdata=[point.value for point in timed], hovertemplate="h = %{customdata:.3g} s: %{y:.2e}",
+                line=run_style(study.engine, study.preset), marker=_mark(study),
+            )  # fmt: skip
+    figure.update_xaxes(title="wall time, warm [s]")
+    return _finished(figure, 480)
+
+
+def _pair() -> go.Figure:
+    return make_subplots(rows=1, cols=2, subplot_titles=list(_TITLES.values()), horizontal_spacing=0.09)
+
+
+def _finished(figure: go.Figure, height: int) -> go.Figure:
+    figure.update_xaxes(type="log", exponentformat="power")
+    figure.update_yaxes(type="log", exponentformat="power")
+    figure.update_yaxes(title="largest error", col=1)
+    return finish(figure, height, legend_at=-0.25)
+
+
+def _mark(study: Study) -> dict[str, Any]:
+    return {"symbol": _MARKS.get(study.preset, "diamond"), "size": 8}
+
+
+def _points(
+    figure: go.Figure, study: Study, quantity: QuantityName, column: int, *, name: str, whole: bool = False
+) -> None:
+    ran = [point for point in study.points if point.error(quantity, study.own and not whole)]
+    colour = "#aaaaaa" if whole else run_style(study.engine, study.preset)["color"]
+    figure.add_scatter(
+        x=[point.value for point in ran], y=[point.error(quantity, study.own and not whole) for point in ran],
+        mode="markers", name=name, legendgroup=name, showlegend=column == 1, row=1, col=column,
+        marker={**_mark(study), "color": colour},
+    )  # fmt: skip
+
+
+def _line(figure: go.Figure, study: Study, quantity: QuantityName, column: int) -> None:
+    law = study.curve(quantity).law
+    if law is None:
+        return
+    x = np.array([law.high, law.low])
+    figure.add_scatter(
+        x=x, y=[law.at(value) for value in x], mode="lines", line=run_style(study.engine, study.preset),
+        name=f"slope {law.exponent:.3f}", showlegend=False, row=1, col=column,
+    )  # fmt: skip
+    middle = float(np.sqrt(law.low * law.high))
+    figure.add_annotation(
+        x=np.log10(middle), y=np.log10(law.at(middle)), text=_said(law), showarrow=False, xanchor="right", yshift=9,
+        row=1, col=column, font={"size": 12, "color": run_style(study.engine, study.preset)["color"]},
+    )  # fmt: skip
+
+
+def _said(law: PowerLaw) -> str:
+    return f"{law.exponent:.2f} ± {law.half_width:.2f}"

@@ -1,0 +1,160 @@
+"""What convergence studies find, as data: the content of converge.json and its schema."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import Field, JsonValue
+
+from ...models.mechanism import Mechanism
+from ...models.spec import NonNegative, Positive, Real, Spec
+
+FORMAT = "trebucheck-converge-1"
+
+QuantityName = Literal["position", "torque"]
+UNITS: dict[QuantityName, str] = {"position": "m", "torque": "N m"}
+
+
+class PowerLaw(Spec):
+    """error = factor * value^exponent, over a range of values."""
+
+    exponent: Real
+    half_width: NonNegative = Field(description="of the exponent's 95 % confidence interval (Student t)")
+    factor: Positive = Field(description="error at the value 1, in the quantity's unit")
+    low: Positive = Field(description="smallest value of the range")
+    high: Positive = Field(description="largest value of the range")
+    points: Annotated[int, Field(ge=4)]
+
+    @property
+    def decades(self) -> float:
+        """Length of the range, in powers of ten."""
+        return math.log10(self.high / self.low)
+
+    def at(self, value: float) -> float:
+        """The error it tells at a value of the knob."""
+        return self.factor * value**self.exponent
+
+
+class Floor(Spec):
+    """An error that turning the knob further does not lower."""
+
+    error: Real
+    value: Real | None = Field(description="of the knob where it was looked at; None: with the knob's error taken out")
+    cause: str
+    evidence: str = Field(description="the measurement the cause was decided by")
+
+
+class Curve(Spec):
+    """One quantity along a study."""
+
+    quantity: QuantityName
+    law: PowerLaw | None = Field(description="None: no power law, or an error that the knob hardly moves")
+    floor: Floor | None = Field(description="None: not reached, the error still falls at the finest value")
+
+    @property
+    def unit(self) -> str:
+        """Of its error."""
+        return UNITS[self.quantity]
+
+
+class Point(Spec):
+    """One setting of the knob."""
+
+    value: Real
+    options: dict[str, JsonValue] = Field(description="what the value means to the engine")
+    message: str | None = Field(default=None, description="why it failed; None if it ran")
+    position: Real | None = Field(default=None, description="largest error of the projectile's position [m]")
+    torque: Real | None = Field(default=None, description="largest error of any stop's torque [N m]")
+    own_position: Real | None = Field(default=None, description="the part of it that the knob makes")
+    own_torque: Real | None = None
+    steps: Annotated[int, Field(ge=0)] = 0
+    wall_times: tuple[Real, ...] = Field(default=(), description="warm, one a repeat [s]")
+
+    def error(self, quantity: QuantityName, own: bool = False) -> float | None:
+        """Of a quantity; `own`: the part that the knob makes."""
+        whole, part = (self.position, self.own_position) if quantity == "position" else (self.torque, self.own_torque)
+        return part if own else whole
+
+
+class Study(Spec):
+    """One knob of one engine and preset, turned."""
+
+    engine: str
+    engine_version: str
+    preset: str
+    knob: str
+    title: str = Field(description="of what is turned, with its symbol")
+    unit: str
+    base: dict[str, JsonValue] = Field(description="options that stay as they are, over the preset's")
+    settings: dict[str, JsonValue] = Field(description="every option of the first point's engine")
+    expected: Real | None = Field(description="exponent theory expects; None: it expects no power law")
+    why: str
+    own: bool = Field(description="whether exponents are of the part of the error that the knob makes")
+    points: tuple[Point, ...] = Field(description="from coarse to fine")
+    curves: tuple[Curve, ...]
+
+    @property
+    def label(self) -> str:
+        """Engine and preset in one."""
+        return f"{self.engine} {self.preset}"
+
+    def curve(self, quantity: QuantityName) -> Curve:
+        """What was found of a quantity."""
+        return next(curve for curve in self.curves if curve.quantity == quantity)
+
+
+class Limit(Spec):
+    """Richardson's extrapolation of a run to no time step at all, over the whole throw."""
+
+    engine: str
+    preset: str
+    levels: tuple[Real, ...] = Field(description="time steps, from coarse to fine [s]; the limit is of the finest two")
+    order: Real = Field(description="from the successive differences of the three")
+    power: Annotated[int, Field(ge=1)] = Field(description="that was extrapolated with: the order, rounded")
+    position: Real = Field(description="largest distance of the limit from the reference [m]")
+    position_three: Real = Field(description="the same with three levels, which take the next power out, too [m]")
+    estimate: Real = Field(description="largest distance between the two limits: the limit's own error [m]")
+    torque: Real | None = Field(description="largest distance of any stop's torque from the reference [N m]")
+
+    @property
+    def label(self) -> str:
+        """Engine and preset in one."""
+        return f"{self.engine} {self.preset}"
+
+
+class LimitPair(Spec):
+    """Two limits against each other; the reference takes no part."""
+
+    first: str
+    second: str
+    position: Real = Field(description="largest distance over the throw [m]")
+
+
+class MachineStudies(Spec):
+    """All studies of one machine."""
+
+    model: str
+    mechanism: Mechanism
+    mechanism_hash: str
+    launch_time: Real = Field(description="of the reference, and end of the compared motion [s]")
+    uncertainty: dict[QuantityName, Real] = Field(description="of the reference [m, N m]")
+    uncertainty_source: str
+    studies: tuple[Study, ...]
+    limits: tuple[Limit, ...]
+    pairs: tuple[LimitPair, ...]
+    absent: tuple[str, ...] = Field(default=(), description="engines that are not installed here")
+
+    def limit(self, label: str) -> Limit | None:
+        """A run's limit; None if it has none."""
+        return next((limit for limit in self.limits if limit.label == label), None)
+
+
+class Studies(Spec):
+    """The whole of `trebucheck converge`."""
+
+    format: Literal["trebucheck-converge-1"] = FORMAT
+    trebucheck_version: str
+    python_version: str
+    platform: str
+    machines: tuple[MachineStudies, ...]

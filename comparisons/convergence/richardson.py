@@ -1,0 +1,122 @@
+"""Richardson's limit: what an engine would say with no time step at all, as functions of time.
+
+The deviations from the reference stand on one grid of times, so that those of different steps can be subtracted and
+extrapolated sample by sample. (Richardson 1911; Roache, Verification and Validation, on observed orders.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ...models.arrays import FloatArray
+
+ASYMPTOTIC = 0.1
+"""How far an observed order may lie from a whole number: the bar the suite states for orders themselves."""
+_LOWEST, _HIGHEST = 0.1, 8.0  # orders that are looked for
+
+
+@dataclass(frozen=True)
+class Level:
+    """A motion's deviation at one time step."""
+
+    step: float
+    """[s]"""
+    position: FloatArray
+    """[m], shape (2, n)."""
+    torques: FloatArray
+    """[N m], shape (number of stops, n)."""
+
+
+@dataclass(frozen=True)
+class Extrapolated:
+    """A limit, and how it was come by."""
+
+    levels: tuple[float, ...]
+    order: float
+    power: int
+    position: FloatArray
+    """Deviation of the limit from the reference [m], shape (2, n)."""
+    torques: FloatArray
+    position_three: FloatArray
+
+    @property
+    def estimate(self) -> float:
+        """The limit's own error [m], without the reference: its distance from the one of three levels."""
+        return largest(self.position - self.position_three)
+
+
+def largest(position: FloatArray) -> float:
+    """Largest length of a vector over time [m]; shape (2, n)."""
+    return float(np.linalg.norm(position, axis=0).max())
+
+
+def limit(levels: Sequence[Level]) -> Extrapolated | None:
+    """The best limit of a ladder of levels, judged without the reference.
+
+    Of all three neighbouring levels whose successive differences show a whole order, those whose limits from two and
+    from three levels lie nearest to each other. A coarse triple fails by the next power, a fine one by rounding.
+
+    Args:
+        levels: of one engine and preset, at least three.
+
+    Returns:
+        None if no three levels show a whole order.
+    """
+    ladder = sorted(levels, key=lambda level: -level.step)
+    triples = zip(ladder, ladder[1:], ladder[2:], strict=False)
+    found = [made for triple in triples if (made := _extrapolated(triple)) is not None]
+    return min(found, key=lambda made: made.estimate, default=None)
+
+
+def observed_order(steps: Sequence[float], first: float, second: float) -> float | None:
+    """The order p for which (h0^p - h1^p) / (h1^p - h2^p) is the ratio of two successive differences.
+
+    Args:
+        steps: three, from coarse to fine [s]; their ratios need not be the same.
+        first: size of the difference between the coarser two.
+        second: between the finer two.
+
+    Returns:
+        None where no order between 0.1 and 8 does.
+    """
+    h0, h1, h2 = steps
+
+    def excess(p: float) -> float:
+        return np.log((h0**p - h1**p) / (h1**p - h2**p)) - np.log(first / second)
+
+    if not (first > 0 and second > 0) or excess(_LOWEST) * excess(_HIGHEST) > 0:
+        return None
+    return float(brentq(excess, _LOWEST, _HIGHEST))
+
+
+def weights(steps: Sequence[float], powers: Sequence[int]) -> FloatArray:
+    """What to add the levels up with, so that the given powers of the step cancel; they sum to 1.
+
+    Args:
+        steps: one more than there are powers [s].
+    """
+    h = np.array(steps) / min(steps)
+    matrix = np.stack([h ** float(p) for p in (0, *powers)])
+    return np.linalg.solve(matrix, np.eye(len(steps))[0])
+
+
+def _extrapolated(triple: tuple[Level, Level, Level]) -> Extrapolated | None:
+    steps = tuple(level.step for level in triple)
+    coarse, middle, fine = (level.position for level in triple)
+    order = observed_order(steps, largest(coarse - middle), largest(middle - fine))
+    if order is None or round(order) < 1 or abs(order - round(order)) > ASYMPTOTIC:
+        return None
+    power = round(order)
+    two, three = weights(steps[1:], (power,)), weights(steps, (power, power + 1))
+    return Extrapolated(
+        levels=steps,
+        order=order,
+        power=power,
+        position=np.tensordot(two, np.stack([middle, fine]), 1),
+        torques=np.tensordot(two, np.stack([level.torques for level in triple[1:]]), 1),
+        position_three=np.tensordot(three, np.stack([coarse, middle, fine]), 1),
+    )

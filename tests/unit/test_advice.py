@@ -1,0 +1,319 @@
+"""Advice without running an engine: what is asked, what is tried, what is chosen, and the texts to paste."""
+
+from __future__ import annotations
+
+import ast
+import json
+import math
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from itertools import islice
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import jsonschema
+import pytest
+import trebucheck as tb
+from trebucheck.__main__ import main
+from trebucheck.comparisons.advice import Advice, Asked, family, obstacles, recommend
+from trebucheck.comparisons.advice.asked import read_torque
+from trebucheck.comparisons.advice.candidates import RUNGS, OptionSet, ladder, option_sets
+from trebucheck.comparisons.advice.results import Obstacle
+from trebucheck.comparisons.advice.search import SCREENED_AT, Follower, Place
+from trebucheck.comparisons.advice.snippets import MJCF, MUJOCO_PYTHON, PYTHON, snippets
+from trebucheck.comparisons.deviation import Deviation
+from trebucheck.comparisons.trials import Trial, Trials, settings_of
+from trebucheck.models.schema import schema_text
+
+ENGINES = ("mujoco", "pymunk", "exudyn")
+STEPS = ladder(1.8)
+
+
+# What is asked
+
+
+def test_torque_is_read_as_newton_metres_or_as_a_share() -> None:
+    assert read_torque("1e-3") == {"torque": 1e-3}
+    assert read_torque(" 0.1 % ") == {"torque_share": 0.1 / 100}
+    with pytest.raises(tb.InputError, match=r"--torque 'much' is not a number"):
+        read_torque("much")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ([], "nothing is asked; give at least one of --position, --torque and --release"),
+        (["--position", "0"], "position = 0.0"),
+        (["--position", "nan"], "position = nan"),
+        (["--position", "-1e-3"], "position = -0.001"),
+        (["--position", "0.1%"], "--position"),
+        (["--torque", "-5%"], "torque_share = -0.05"),
+        (["--torque", "five"], "--torque 'five' is not a number"),
+        (["--release", "inf"], "release = inf"),
+        (["--position", "1", "--engines", "reference"], "what the others are measured against"),
+        (["--position", "1", "--engines", "mujoko"], "did you mean 'mujoco'"),
+        (["--position", "1", "--engines", ","], "--engines is empty"),
+        (["--position", "1", "--model", "floating"], "no model 'floating'"),
+        (["--position", "1", "--model", "fixed,rolling"], "names 2 machines"),
+        (["--position", "1", "--neighbours", "-1"], "neighbours = -1 must be between"),
+        (["--position", "1", "--timeout", "0"], "timeout = 0.0 s must be positive"),
+        (["--position", "1", "--set", "l1=0"], "l1 = 0.0"),
+        (["--position", "1e-14"], "finer than 10 times the reference's own uncertainty"),
+    ],
+)
+def test_wrong_input_gets_a_sentence(
+    arguments: list[str],
+    complaint: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["recommend", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("error: ")
+    assert complaint in captured.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_share_of_the_torque_is_each_machines_own() -> None:
+    motion = SimpleNamespace(stop_torques={"rest": __import__("numpy").array([3.0, 200.0, 5.0])})
+    solution = cast("Any", SimpleNamespace(motion=lambda _: motion))
+    assert Asked(torque_share=0.01).on(solution, 1.0) == {"torque": 2.0}
+    with pytest.raises(tb.InputError, match="asked in N m and as a share"):
+        Asked(torque=1.0, torque_share=0.01)
+
+
+# What is tried
+
+
+def test_the_ladder_is_of_round_steps_and_follows_the_machines_own_time() -> None:
+    assert STEPS == (0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001, 5e-05)
+    assert len(STEPS) == RUNGS
+    small = ladder(1.8 / 10)
+    assert small == tuple(float(f"{step / 10:.0e}") for step in STEPS)
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_every_set_is_valid_at_every_step_and_another_one(name: str) -> None:
+    """Each candidate is an engine, and the way back from its text is that engine."""
+    sets = option_sets(name)
+    assert sets[0].engine(name, 1e-3) == tb.engine(name, "stock", timestep=1e-3)
+    assert sets[-1].engine(name, 1e-3) == tb.engine(name, "tuned", timestep=1e-3)
+    for step in STEPS:
+        made = [json.dumps(settings_of(options.engine(name, step))) for options in sets]
+    assert len(set(made)) == len(sets)  # at the shortest step: what is scaled with it may meet the preset's at another
+
+
+def test_neighbours_stay_in_the_stated_ranges_and_are_always_the_same() -> None:
+    base = tb.TrebuchetParameters().model_dump()
+    first = list(islice(family.of_parameters("rolling", None), 30))
+    assert first == list(islice(family.of_parameters("rolling", None), 30))
+    assert len({mechanism.content_hash for mechanism, _ in first}) == 30
+    for _, own in first:
+        for name, value in own.items():
+            if name.endswith("0"):
+                assert abs(value - base[name]) <= family.ANGLE
+            else:
+                largest = family.MASS if name.startswith("m_") else family.LENGTH
+                assert 1 / largest <= value / base[name] <= largest
+    assert set(first[0][1]) == set(base) - {"g"}
+
+
+def test_a_mechanism_of_ones_own_keeps_its_geometry() -> None:
+    mechanism = tb.fixed()
+    for neighbour, factors in islice(family.of_mechanism(mechanism), 5):
+        assert neighbour.joints == mechanism.joints and neighbour.start == mechanism.start
+        assert neighbour.gravity == mechanism.gravity * factors["gravity"]
+        for body, own in zip(neighbour.bodies, mechanism.bodies, strict=True):
+            factor = factors[f"mass of {body.name}"]
+            assert (body.mass, body.inertia) == (own.mass * factor, own.inertia * factor)
+
+
+# What stands in the way
+
+
+def _verdict(error: Callable[[float], float], allowed: float = 1e-9) -> obstacles.Verdict:
+    return obstacles.classify(STEPS, [error(h) for h in STEPS], allowed, "m")
+
+
+def test_obstacles_are_told_from_the_course_of_the_error() -> None:
+    assert _verdict(lambda h: 3.0 * h**2).obstacle is Obstacle.STEP
+    assert _verdict(lambda h: 3.0 * h**2 + 1e-4).obstacle is Obstacle.FLOOR
+    assert _verdict(lambda h: 3e-3 * (1 + h)).obstacle is Obstacle.CONSTANT
+    assert _verdict(lambda h: h**2 + 1e-14 / h**2).obstacle is Obstacle.ROUNDING
+    assert _verdict(lambda _: math.inf).obstacle is Obstacle.FAILURE
+
+
+def test_a_falling_error_says_which_step_would_do() -> None:
+    sentence = _verdict(lambda h: 4.0 * h**2, allowed=4e-12).sentence
+    assert "order 2.0" in sentence and "some 1e-06 s would do" in sentence
+
+
+def test_growth_by_rounding_says_its_power() -> None:
+    assert "as 1/step^2.0" in _verdict(lambda h: 6.25e-14 / h**2 if h <= 5e-4 else h**2).sentence
+
+
+# What is chosen
+
+
+class _Synthetic:
+    """Trials whose errors are a formula: position = constant(options) * step^2 * the machine's own factor."""
+
+    def __init__(self, factor: float, constants: dict[str, float], cost: dict[str, float], floor: float = 0.0) -> None:
+        self.factor, self.constants, self.cost, self.floor = factor, constants, cost, floor
+        self.end = 1.0
+        self.solution = SimpleNamespace(release_times={}, motion=lambda _: SimpleNamespace(stop_torques={}))
+        self.made: list[tuple[str, float]] = []
+
+    def trial(self, engine: Any, repeats: int = 1) -> Trial:
+        settings = settings_of(engine)
+        name, step = str(settings["integrator"]), engine.timestep
+        self.made.append((name, step))
+        error = self.constants[name] * self.factor * step**2 + self.floor
+        found = Deviation(
+            end=1.0, position=((), ()), torques={}, energy=(), release_times={}, launch_time=None, launch_speed=None,
+            metrics={"position_max (projectile)": error},
+        )  # fmt: skip
+        return Trial(
+            engine="mujoco", engine_version="0", preset="tuned", settings=settings, mechanism_hash="", deviation=found,
+            steps=1, wall_times=(self.cost[name] / step,) * repeats,
+        )  # fmt: skip
+
+
+PLAIN, DEAR = (OptionSet(name, "", "tuned", {"integrator": name}) for name in ("Euler", "RK4"))
+
+
+def _search(
+    constants: tuple[float, float], cost: tuple[float, float], factors: tuple[float, ...] = (1.0,), floor: float = 0.0
+) -> tuple[Follower, list[Any], list[_Synthetic]]:
+    names = (PLAIN.name, DEAR.name)
+    made = [
+        _Synthetic(f, dict(zip(names, constants, strict=True)), dict(zip(names, cost, strict=True)), floor)
+        for f in factors
+    ]
+    places = [Place(cast(Trials, trials), Asked(position=1e-6)) for trials in made]
+    follower = Follower("mujoco", places, STEPS)
+    return follower, [follower.follow(options) for options in (DEAR, PLAIN)][::-1], made
+
+
+def test_the_longest_step_that_reaches_it_is_found() -> None:
+    follower, courses, _ = _search((1.0, 1.0), (1.0, 10.0))
+    assert [course.reached.step for course in courses] == [1e-3, 1e-3]  # 1 * h^2 <= 1e-6
+    chosen = follower.chosen(courses)
+    assert chosen is not None and chosen[0].options is PLAIN
+    assert len(chosen[2].wall_times) == 3
+
+
+def test_the_cheaper_run_wins_though_its_step_is_dearer() -> None:
+    follower, courses, _ = _search((4.0, 0.009), (1.0, 2.0))  # steps 5e-4 and 1e-2
+    chosen = follower.chosen(courses)
+    assert chosen is not None and (chosen[0].options, chosen[1].step) == (DEAR, 1e-2)
+
+
+def test_of_two_as_cheap_the_plainer_one_is_taken() -> None:
+    follower, courses, _ = _search((1.0, 1.0), (1.1, 1.0))
+    chosen = follower.chosen(courses)
+    assert chosen is not None and chosen[0].options is PLAIN
+
+
+def test_the_hardest_neighbour_decides_and_was_measured() -> None:
+    factors = (1.0, *(0.5 + 0.1 * i for i in range(20)), 24.0)
+    follower, courses, made = _search((1.0, 1.0), (1.0, 10.0), factors)
+    chosen = follower.chosen(courses)
+    assert chosen is not None and chosen[1].step == 2e-4  # 24 * h^2 <= 1e-6
+    for trials in (made[0], made[-1]):
+        assert (PLAIN.name, 2e-4) in trials.made
+    assert (PLAIN.name, 2e-4) not in made[1].made  # an easy one was only screened
+    assert (DEAR.name, STEPS[SCREENED_AT]) in made[1].made
+
+
+def test_a_set_that_must_be_dearer_is_not_run_on_all_machines() -> None:
+    follower, courses, made = _search((1.0, 1.0), (1000.0, 1.0), (1.0, 0.5, 24.0))
+    plain = courses[0]
+    assert plain.dropped and plain.reached is None and "cost more" in plain.note
+    assert not [name for name, _ in made[1].made if name == PLAIN.name]
+    chosen = follower.chosen(courses)
+    assert chosen is not None and chosen[0].options is DEAR
+
+
+def test_a_floor_is_given_up_and_named() -> None:
+    follower, courses, _ = _search((1.0, 1.0), (1.0, 1.0), floor=1e-5)
+    assert follower.chosen(courses) is None
+    verdict = obstacles.explain(follower, courses)
+    assert verdict.obstacle is Obstacle.FLOOR
+    assert "error of the position of 1.0e-05 m on this machine, where 1.0e-06 m are asked" in verdict.sentence
+
+
+# Texts to paste
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_texts_are_what_they_say(name: str) -> None:
+    for options in option_sets(name):
+        texts = snippets(name, tb.rolling(), options.preset, options.all_options(5e-4))
+        for title, text in texts.items():
+            if title == MJCF:
+                root = ET.fromstring(f"<mujoco>{text}</mujoco>")
+                assert float(root.find("option").get("timestep")) == 5e-4  # type: ignore[union-attr]
+            elif "Python" in title:
+                ast.parse(text)
+        scope: dict[str, Any] = {}
+        exec(texts[PYTHON], scope)
+        assert scope["engine"] == options.engine(name, 5e-4)
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_the_command_gives_the_same_engine(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    import shlex
+
+    from trebucheck.engines import registry
+
+    made: list[Any] = []
+
+    def engine(*arguments: Any, **options: Any) -> Any:
+        made.append(tb.engine(*arguments, **options))
+        raise tb.InputError("enough")
+
+    monkeypatch.setattr(registry, "engine", engine)
+    for options in option_sets(name):
+        command = snippets(name, tb.rolling(), options.preset, options.all_options(5e-4))
+        words = shlex.split(command["trebucheck on the command line"])
+        assert words[0] == "trebucheck"
+        assert main([*words[1:], "--out", str(tmp_path)]) == 2
+        assert made[-1] == options.engine(name, 5e-4)
+
+
+def test_what_mjcf_cannot_say_is_said() -> None:
+    sets = {options.name: options for options in option_sets("mujoco")}
+    alone, tuned = (
+        snippets("mujoco", tb.fixed(), "tuned", sets[n].all_options(1e-3)) for n in ("stiff limits", "tuned")
+    )
+    assert MUJOCO_PYTHON not in alone and "Not MJCF" not in alone[MJCF]
+    assert "Not MJCF" in tuned[MJCF] and "def preload" in tuned[MUJOCO_PYTHON]
+    assert re.search(r'solreflimit="-1000000 -2000"', tuned[MJCF])
+
+
+# The file
+
+
+def test_the_schema_is_the_published_one() -> None:
+    import trebucheck.comparisons
+
+    path = Path(trebucheck.comparisons.__path__[0]) / "schemas" / "recommend.schema.json"
+    assert path.read_text() == schema_text(Advice)
+
+
+def test_an_engine_that_is_not_here_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    from trebucheck.engines.exudyn_ import ExudynEngine
+
+    monkeypatch.setattr(ExudynEngine, "is_installed", classmethod(lambda _: False))
+    advice = recommend("fixed", Asked(position=1e-3), ["exudyn"], neighbours=0, isolate=False)
+    assert advice.engine("exudyn").choice is None
+    assert advice.engine("exudyn").message == "exudyn is not installed here."
+    assert "alone" in advice.rule
+    jsonschema.validate(json.loads(advice.to_json()), json.loads(schema_text(Advice)))
+    assert Advice.from_json(advice.to_json()) == advice
