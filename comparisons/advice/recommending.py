@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
@@ -25,7 +26,7 @@ from .results import Advice, Attempt, Choice, EngineAdvice, Errors, NeighbourMac
 from .search import HARDEST, Course, Follower, Place, Rung
 from .snippets import snippets
 
-NEIGHBOURS = 24
+NEIGHBOURS = 32
 _MOST_NEIGHBOURS = 200
 _DRAWS = 10  # to a neighbour: some do not launch
 _REFERENCE = "reference"
@@ -189,14 +190,14 @@ def _advice(name: str, sets: tuple[OptionSet, ...], found: _Family, count: _Coun
 
 
 def _attempt(course: Course) -> Attempt:
-    rung = course.reached or course.best
+    reached, best = course.reached, course.best
     return Attempt(
         options=course.options.name,
         words=course.options.words,
-        step=rung.step if rung.reached else None,
-        wall_time=rung.trials[0].wall_times[0] if rung.reached else None,
+        step=reached.step if reached else None,
+        wall_time=reached.trials[0].wall_times[0] if reached else None,
         steps_tried=tuple(sorted(course.rungs, reverse=True)),
-        worst=rung.worst if rung.worst < float("inf") else None,
+        worst=best.worst if math.isfinite(best.worst) else None,
         note=course.note,
     )
 

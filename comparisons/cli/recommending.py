@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ...models.mechanism import Mechanism
     from ..advice import Advice, Asked
 
-_NEIGHBOURS = 24
+_NEIGHBOURS = 32
 
 Position = Annotated[
     float | None, typer.Option("--position", help="Largest distance of the projectile from the reference (m).")

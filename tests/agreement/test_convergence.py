@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from functools import cache
 
 import pytest
@@ -42,13 +41,12 @@ def _machine(name: str, parameters: tb.TrebuchetParameters | None, knobs: tuple[
 
 
 @pytest.fixture(autouse=True)
-def _timed_once(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def _timed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Repeats are for timing; and floors are looked into in the unit tests."""
     from trebucheck.comparisons.trials import Trials
 
     trial = Trials.trial
     monkeypatch.setattr(Trials, "trial", lambda self, engine, *_: trial(self, engine))
-    yield
 
 
 def _steps(name: str, engine: str, parameters: tb.TrebuchetParameters | None = None) -> tuple[MachineStudies, Study]:

@@ -317,3 +317,10 @@ def test_an_engine_that_is_not_here_is_a_row(monkeypatch: pytest.MonkeyPatch) ->
     assert "alone" in advice.rule
     jsonschema.validate(json.loads(advice.to_json()), json.loads(schema_text(Advice)))
     assert Advice.from_json(advice.to_json()) == advice
+
+
+def test_the_command_takes_as_many_neighbours_as_the_function() -> None:
+    from trebucheck.comparisons.advice import recommending
+    from trebucheck.comparisons.cli import recommending as command
+
+    assert command._NEIGHBOURS == recommending.NEIGHBOURS
