@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -242,7 +243,8 @@ def _other_settings(engine: Engine) -> Iterator[tuple[str, str, Engine]]:
     for cause in causes_of(engine):
         if cause.removal is not None and cause.removal.options:
             known |= cause.removal.options.keys()
-            other = type(engine)(**{**options, **cause.removal.options})
+            changed: dict[str, Any] = {**options, **cause.removal.options}
+            other = type(engine)(**changed)
             yield cause.name, described(cause.removal, options), other
     tuned = type(engine).tuned(timestep=engine.timestep).model_dump(mode="json", exclude={"preset"})
     for name, value in options.items():

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...models.arrays import FloatArray
+from ...models.arrays import IndexArray
 from ...models.trajectory import PointMotion, Trajectory
 from ...reference.solution import Solution
 
@@ -71,7 +71,7 @@ def _scale(factor: float) -> str:
     return "wrong sign" if abs(value + 1.0) < 1e-3 else f"times {value:.6g}"
 
 
-def thinned(trajectory: Trajectory, keep: FloatArray) -> Trajectory:
+def thinned(trajectory: Trajectory, keep: IndexArray) -> Trajectory:
     """The trajectory at some of its samples only."""
     return replace(
         trajectory,

@@ -65,7 +65,7 @@ def _blended(right: Any, wrong: Any, factor: float) -> Any:
         return {key: _blended(value, wrong[key], factor) for key, value in right.items()}
     if isinstance(right, tuple | list):
         return tuple(_blended(a, b, factor) for a, b in zip(right, wrong, strict=True))
-    if isinstance(right, float) and not isinstance(right, bool):
+    if isinstance(right, float):
         return right + factor * (wrong - right)
     return right
 
