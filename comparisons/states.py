@@ -11,7 +11,7 @@ from ..engines.inspection import State
 from ..models.arrays import FloatArray
 from ..models.mechanism import Mechanism
 from ..reference.equations import Equations
-from ..reference.stops import gap_rows, pushing
+from ..reference.stops import pushing
 
 _SPREAD = 0.5  # [rad or m] of the coordinates about the start
 _SPEED = 1.0  # [rad/s or m/s]
@@ -90,5 +90,5 @@ def _fitted(equations: Equations, q: FloatArray, touching: tuple[str, ...]) -> F
 
 def _along(equations: Equations, q: FloatArray, u: FloatArray, touching: tuple[str, ...]) -> FloatArray:
     """The nearest speeds that keep loops closed and the stops touching."""
-    rows = np.concatenate([equations.constraint_jacobian(q, ()), gap_rows(equations, touching)])
+    rows = equations.constraint_jacobian(q, touching)
     return u - np.linalg.lstsq(rows, rows @ u, rcond=None)[0] if len(rows) else u

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from .arrays import ComplexArray, FloatArray
-from .mechanism import GROUND, Mechanism
+from .mechanism import GROUND, Mechanism, PointStop
 from .spec import Vector
 
 
@@ -122,18 +122,43 @@ class Kinematics:
         return self.mechanism.gravity * heights @ self.masses
 
     def gap(self, stop: str, q: FloatArray) -> FloatArray:
-        """Gap of a stop [rad], shape (...,)."""
+        """Gap of a stop [rad, or m for one on a point], shape (...,)."""
         found = self.mechanism.stop(stop)
+        if isinstance(found, PointStop):
+            row = self.gap_wave(stop)
+            return (row.offset + self.phasors(q) @ row.coefficients).real
         return q @ self.gap_row(stop) - found.limit
 
+    def gap_gradient(self, stop: str, q: FloatArray) -> FloatArray:
+        """Gradient of a stop's gap with respect to q, shape (..., n_q)."""
+        if isinstance(self.mechanism.stop(stop), PointStop):
+            return (self.rates(q) * self.gap_wave(stop).coefficients).real
+        return np.broadcast_to(self.gap_row(stop), q.shape)
+
+    def gap_bias(self, stop: str, q: FloatArray, u: FloatArray) -> FloatArray:
+        """What a gap's acceleration is without accelerations of q, d/dt(gradient) u, shape (...,)."""
+        if isinstance(self.mechanism.stop(stop), PointStop):
+            return ((-1j * self.is_angle * self.rates(q) * u * u) @ self.gap_wave(stop).coefficients).real
+        return np.zeros(q.shape[:-1])
+
     def gap_row(self, stop: str) -> FloatArray:
-        """Gradient of a stop's gap with respect to q (constant), shape (n_q,)."""
+        """Gradient of the gap of a stop on angles (constant), shape (n_q,)."""
         found = self.mechanism.stop(stop)
+        if isinstance(found, PointStop):
+            raise TypeError(f"stop {stop!r} is on a point: its gradient is not constant")
         row = np.zeros(len(self.is_angle))
         row[self._index(found.body)] = found.sense
         if found.relative_to != GROUND:
             row[self._index(found.relative_to)] = -found.sense
         return row
+
+    def gap_wave(self, stop: str) -> PointRow:
+        """The gap of a stop on a point as Re(offset + coefficients . w(q))."""
+        found = self.mechanism.stop(stop)
+        if not isinstance(found, PointStop):
+            raise TypeError(f"stop {stop!r} is on angles: its gap is linear in them")
+        row, across = self.point(found.body, found.point), complex(*found.normal).conjugate()
+        return PointRow(row.offset * across - found.offset, row.coefficients * across)
 
 
 def _as_vectors(z: ComplexArray) -> FloatArray:

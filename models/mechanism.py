@@ -7,15 +7,16 @@ from +x, positive **clockwise** (the paper's convention), so a body point (a, b)
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Iterable, Iterator
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, cast
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from .spec import Name, NonNegative, Positive, Real, Spec, Vector
 
 GROUND = "ground"
-_CLOSED_GAP = 1e-12  # [rad] a start gap below this is rounding of the two angles, not an opening
+_CLOSED_GAP = 1e-12  # [rad], [m per m] a start gap below this is rounding, not an opening
 
 
 class Body(Spec):
@@ -80,6 +81,41 @@ class Stop(Spec):
     )
 
 
+class PointStop(Spec):
+    """A unilateral constraint on where a point may be: gap = normal . position - offset >= 0, a half-plane.
+
+    A trough, a floor, a wall without friction. Its force is along the normal: >= 0 while it pushes, 0 when open.
+    """
+
+    name: Name
+    body: Name
+    point: Vector = Field(description="of the body, in its frame [m]")
+    normal: Vector = Field(description="from the wall towards where the point may be, length 1")
+    offset: Real = Field(description="distance of the wall from the world's origin along the normal [m]")
+    closed: bool = Field(description="whether it touches at the start")
+    restitution: Annotated[Real, Field(ge=0, le=1)] = Field(
+        default=0.0, description="gap speed after an impact over the one before, under the unilateral law"
+    )
+
+    @model_validator(mode="after")
+    def _normal_has_length_one(self) -> Self:
+        if abs(self.normal[0] ** 2 + self.normal[1] ** 2 - 1.0) > 1e-12:
+            raise ValueError(f"normal of {self.name!r} must have length 1")
+        return self
+
+
+def _tag_of_stop(value: object) -> str:
+    if isinstance(value, dict):
+        return "point stop" if "point" in cast("dict[str, object]", value) else "stop"
+    return "point stop" if isinstance(value, PointStop) else "stop"
+
+
+# Told apart by their fields: a `kind` would have changed the content, and so the hash, of every machine there is.
+AnyStop = Annotated[
+    Annotated[Stop, Tag("stop")] | Annotated[PointStop, Tag("point stop")], Discriminator(_tag_of_stop)
+]
+
+
 class Marker(Spec):
     """A named point of a body."""
 
@@ -102,7 +138,7 @@ class Mechanism(Spec):
     name: Name
     bodies: tuple[Body, ...] = Field(min_length=1)
     joints: tuple[Joint, ...] = Field(min_length=1)
-    stops: tuple[Stop, ...] = ()
+    stops: tuple[AnyStop, ...] = ()
     markers: tuple[Marker, ...] = ()
     gravity: NonNegative = Field(description="downwards [m/s^2]")
     start: tuple[Real, ...] = Field(description="q at t = 0 [rad or m]")
@@ -135,9 +171,19 @@ class Mechanism(Spec):
         """The body of that name."""
         return next(body for body in self.bodies if body.name == name)
 
-    def stop(self, name: str) -> Stop:
+    def stop(self, name: str) -> Stop | PointStop:
         """The stop of that name."""
         return next(stop for stop in self.stops if stop.name == name)
+
+    @property
+    def angle_stops(self) -> tuple[Stop, ...]:
+        """Stops on relative angles."""
+        return tuple(stop for stop in self.stops if isinstance(stop, Stop))
+
+    @property
+    def point_stops(self) -> tuple[PointStop, ...]:
+        """Stops on where a point may be."""
+        return tuple(stop for stop in self.stops if isinstance(stop, PointStop))
 
     def children(self, name: str) -> tuple[Body, ...]:
         """Bodies that hang on this one (or on the ground) in the tree."""
@@ -165,7 +211,8 @@ class Mechanism(Spec):
     def _refuse_unknown_bodies(self) -> None:
         known = {GROUND} | {body.name for body in self.bodies}
         used = [(f"joint {j.name!r}", n) for j in self.joints for n in (j.parent, j.child)]
-        used += [(f"stop {s.name!r}", n) for s in self.stops for n in (s.body, s.relative_to)]
+        used += [(f"stop {s.name!r}", n) for s in self.angle_stops for n in (s.body, s.relative_to)]
+        used += [(f"stop {s.name!r}", s.body) for s in self.point_stops]
         used += [(f"marker {m.name!r}", m.body) for m in self.markers]
         for joint in self.joints:
             if joint.child == GROUND:
@@ -197,13 +244,35 @@ class Mechanism(Spec):
             raise ValueError(f"start_speeds has {len(self.start_speeds)} values for {expected} coordinates")
 
     def _refuse_wrong_gaps(self) -> None:
-        angle = {body.name: self.start[i] for i, body in enumerate(self.bodies)} | {GROUND: 0.0}
         for stop in self.stops:
-            gap = stop.sense * (angle[stop.body] - angle[stop.relative_to]) - stop.limit
-            if stop.closed and abs(gap) > _CLOSED_GAP:
-                raise ValueError(f"stop {stop.name!r} is closed, but its gap at the start is {gap:.3g} rad, not 0")
-            if not stop.closed and gap <= _CLOSED_GAP:
-                raise ValueError(f"stop {stop.name!r} is open, but its gap at the start is {gap:.3g} rad, not positive")
+            gap, rounding, unit = self._start_gap(stop)
+            if stop.closed and abs(gap) > rounding:
+                raise ValueError(f"stop {stop.name!r} is closed, but its gap at the start is {gap:.3g} {unit}, not 0")
+            if not stop.closed and gap <= rounding:
+                raise ValueError(
+                    f"stop {stop.name!r} is open, but its gap at the start is {gap:.3g} {unit}, not positive"
+                )
+
+    def _start_gap(self, stop: Stop | PointStop) -> tuple[float, float, str]:
+        """A stop's gap at the start, how far rounding can move it, and their unit."""
+        if isinstance(stop, PointStop):
+            at = self._start_place(stop.body, stop.point)
+            gap = stop.normal[0] * at.real + stop.normal[1] * at.imag - stop.offset
+            return gap, _CLOSED_GAP * max(1.0, abs(at)), "m"
+        angle = {body.name: self.start[i] for i, body in enumerate(self.bodies)} | {GROUND: 0.0}
+        return stop.sense * (angle[stop.body] - angle[stop.relative_to]) - stop.limit, _CLOSED_GAP, "rad"
+
+    def _start_place(self, body: str, point: Vector) -> complex:
+        """Where a body's point is at the start, x + i y [m]."""
+        if body == GROUND:
+            return complex(*point)
+        start = dict(zip(self.coordinates, self.start, strict=True))
+        joint = next(joint for joint in self.tree_joints if joint.child == body)
+        place = self._start_place(joint.parent, joint.parent_point)
+        if isinstance(joint, SlotJoint) and joint.coordinate is not None:
+            place += start[joint.coordinate] * complex(*joint.axis)
+        arm = complex(*point) - complex(*joint.child_point)
+        return place + arm * cmath.exp(-1j * start[self.body(body).angle])
 
 
 def _refuse_repeats(what: str, names: Iterable[str]) -> None:

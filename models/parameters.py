@@ -10,7 +10,8 @@ from pydantic import Field
 from .errors import InputError
 from .spec import Positive, Real, Spec
 
-_Angle = Annotated[Real, Field(ge=-4 * math.pi, le=4 * math.pi)]
+Angle = Annotated[Real, Field(ge=-4 * math.pi, le=4 * math.pi)]
+"""[rad] up to two turns either way: more are degrees more often than not."""
 
 
 class TrebuchetParameters(Spec):
@@ -32,9 +33,9 @@ class TrebuchetParameters(Spec):
     h: Positive = Field(default=10.0, description="hanger ('counterweight arm') length [m]")
     r: Positive = Field(default=6.0, description="sling length [m]")
     g: Positive = Field(default=9.81, description="gravity [m/s^2]")
-    theta0: _Angle = Field(default=0.0, description="start angle of the throwing arm [rad]")
-    phi0: _Angle = Field(default=math.pi, description="start angle of the sling [rad]")
-    alpha0: _Angle = Field(default=-math.pi / 4, description="start angle of the hanger [rad]")
+    theta0: Angle = Field(default=0.0, description="start angle of the throwing arm [rad]")
+    phi0: Angle = Field(default=math.pi, description="start angle of the sling [rad]")
+    alpha0: Angle = Field(default=-math.pi / 4, description="start angle of the hanger [rad]")
 
     @classmethod
     def with_beam(cls, l1: float, beam: float = 14.0, **others: float) -> Self:

@@ -31,6 +31,9 @@ Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z][A-Z
 """A name that is also legal in MJCF, NetCDF and file names: a letter, then letters, digits, space, _ or -."""
 
 
+_TAGS = ("pin", "pin-in-slot", "stop", "point stop")  # of unions: pydantic puts them into the path of a complaint
+
+
 class SpecError(InputError):
     """A description that cannot be built; keeps the complaints apart, so that an outer one can name their place."""
 
@@ -48,7 +51,7 @@ class SpecError(InputError):
         """From pydantic's list: each field, its value and what would be valid."""
         complaints: list[tuple[str, str]] = []
         for row in error.errors(include_url=False):
-            field = ".".join(str(step) for step in row["loc"] if step not in ("pin", "pin-in-slot"))
+            field = ".".join(str(step) for step in row["loc"] if step not in _TAGS)
             inner = row.get("ctx", {}).get("error")
             if isinstance(inner, SpecError):
                 complaints += [(f"{field}.{name}" if name else field, text) for name, text in inner.complaints]

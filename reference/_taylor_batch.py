@@ -80,7 +80,8 @@ def launch_batch(
 
 def _refuse_unlike(mechanisms: Sequence[Mechanism]) -> None:
     def kind(mechanism: Mechanism) -> tuple[object, ...]:
-        stops = [(s.name, s.body, s.relative_to, s.sense, s.closed) for s in mechanism.stops]
+        stops: list[object] = [(s.name, s.body, s.relative_to, s.sense, s.closed) for s in mechanism.angle_stops]
+        stops += [(s.name, s.body, s.closed) for s in mechanism.point_stops]
         thrown = [marker.body for marker in mechanism.markers if marker.name == PROJECTILE]
         return (mechanism.coordinates, stops, thrown, [(j.name, j.kind) for j in mechanism.loop_joints])
 

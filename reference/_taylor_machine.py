@@ -6,6 +6,7 @@ All that :mod:`.equations` computes with complex rates is a sum of real waves Re
     b_i  = sum_j Im(z e^{i(q_i - q_j)}) u_j^2
     Q_i  = Re(z e^{i q_i})                                  z = i W_i
     G_kj = Re(z e^{i q_j}),  gamma_k = -sum_j Im(z e^{i q_j}) u_j^2   z = i conj(L_kj)
+    gap_k = sum_j Im(z e^{i q_j}) - limit                   of a stop on a point: the same z as its gradient's
 
 and the same without the phase and the i of a coordinate that is a slide.
 """
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..models.kinematics import Kinematics
 from ..models.launch import LAUNCH_ANGLE
-from ..models.mechanism import Mechanism, SlotJoint
+from ..models.mechanism import Mechanism, PointStop, SlotJoint
 from ..models.problem import Problem, StopLaw
 
 Real = NDArray[np.floating[Any]]
@@ -37,7 +38,8 @@ class Structure:
     n_angles: int
     n_slides: int
     n_loops: int
-    gap_rows: tuple[tuple[int, ...], ...]
+    gap_rows: tuple[tuple[int, ...] | None, ...]
+    """Gradient of each stop's gap; None for a stop on a point, whose gradient is a row of waves."""
     closes: bool
     """Whether stops may close (unilateral law)."""
     present: tuple[bool, ...]
@@ -61,10 +63,16 @@ class Structure:
         return len(self.gap_rows)
 
     @property
+    def point_stops(self) -> tuple[int, ...]:
+        """Numbers of the stops on points."""
+        return tuple(k for k, row in enumerate(self.gap_rows) if row is None)
+
+    @property
     def sections(self) -> dict[str, tuple[int, ...]]:
         """Names and shapes of what the numbers are, in their order; the first axis is real, imaginary."""
         n_q = self.n_q
-        shapes = {"products": (n_q, n_q), "weights": (n_q,), "loops": (self.n_loops, n_q), "lead": (n_q,)}
+        shapes: dict[str, tuple[int, ...]] = {"products": (n_q, n_q), "weights": (n_q,)}
+        shapes |= {"loops": (self.n_loops, n_q), "points": (len(self.point_stops), n_q), "lead": (n_q,)}
         return {name: (2, *shape) for name, shape in shapes.items()} | {"limits": (self.n_stops,)}
 
     # Switches follow the numbers among the parameters.
@@ -103,13 +111,14 @@ def relevant_stops(problem: Problem) -> tuple[str, ...]:
 
 def structure_of(problem: Problem, kinematics: Kinematics, present: NDArray[np.bool_]) -> Structure:
     """The structure a problem's numbers belong to."""
-    rows = [kinematics.gap_row(name) for name in relevant_stops(problem)]
+    stops = [problem.mechanism.stop(name) for name in relevant_stops(problem)]
+    rows = [None if isinstance(stop, PointStop) else kinematics.gap_row(stop.name) for stop in stops]
     n_angles = len(problem.mechanism.bodies)
     return Structure(
         n_angles=n_angles,
         n_slides=len(problem.mechanism.coordinates) - n_angles,
         n_loops=len(_loop_rows(problem.mechanism, kinematics)),
-        gap_rows=tuple(tuple(int(entry) for entry in row) for row in rows),
+        gap_rows=tuple(None if row is None else tuple(int(entry) for entry in row) for row in rows),
         closes=problem.stop_law is StopLaw.UNILATERAL,
         present=tuple(bool(flag) for flag in present),
         throws=bool(np.any(_projectile_row(problem.mechanism, kinematics))),
@@ -129,12 +138,26 @@ def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real
         # Q = Re(conj(w') W) = Re(conj(W) w') with W = -i g C^H m.
         _waves((masses @ centres) * (1j * real(mechanism.gravity)), angles),
         _waves(_wide(_loop_rows(mechanism, kinematics), real), angles),
+        _waves(_wide(_point_rows(problem, kinematics), real), angles),
         _waves(lead, angles),
     )
     parts = [np.stack([section.real, section.imag]).ravel() for section in sections]
     unilateral = problem.stop_law is StopLaw.UNILATERAL
-    limits = [mechanism.stop(name).limit * unilateral for name in relevant_stops(problem)]
+    limits = [_limit(name, kinematics) * unilateral for name in relevant_stops(problem)]
     return cast("Real", np.concatenate([*parts, np.array(limits, dtype=real)]).astype(real))
+
+
+def _limit(name: str, kinematics: Kinematics) -> float:
+    """What is taken off the waves (or angles) of a gap."""
+    stop = kinematics.mechanism.stop(name)
+    return -kinematics.gap_wave(name).offset.real if isinstance(stop, PointStop) else stop.limit
+
+
+def _point_rows(problem: Problem, kinematics: Kinematics) -> NDArray[np.complex128]:
+    """Rows L with Re(L w' u) the gap speeds of the stops on points."""
+    stops = [problem.mechanism.stop(name) for name in relevant_stops(problem)]
+    rows = [kinematics.gap_wave(stop.name).coefficients for stop in stops if isinstance(stop, PointStop)]
+    return np.array(rows, dtype=np.complex128).reshape(len(rows), len(kinematics.is_angle))
 
 
 def _wide(values: NDArray[np.complex128], real: RealType) -> Complex:

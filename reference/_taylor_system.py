@@ -6,7 +6,7 @@ parameters, and a stop is switched by a parameter h, 1 held and 0 free, in the s
     [ M      (hG)^T    ] [   a  ]   [    f   ]
     [ hG   -diag(1-h)  ] [ -lam ] = [ -gamma ],      f = Q - b,
 
-whose row of a free stop reads lam = 0 (loops of joints are always held, stops have gamma = 0). M is positive
+whose row of a free stop reads lam = 0 (loops of joints are always held; gamma of a stop on angles is 0). M is positive
 definite and what elimination leaves of the constraints is negative definite, so that L D L^T needs no pivoting
 (symmetric quasidefinite matrices: Vanderbei, SIAM J. Optim. 5 (1995) 100).
 """
@@ -135,8 +135,16 @@ class TaylorSystem:
 
     def _gap(self, k: int) -> Any:
         row = self.structure.gap_rows[k]
+        if row is None:
+            waves = [self._place(self.structure.point_stops.index(k), j) for j in range(self.structure.n_q)]
+            return _sum([*waves, _minus(self._numbers["limits"][k])])
         turned = [q if sense > 0 else -q for q, sense in zip(self.q, row, strict=False) if sense]
         return _sum([*turned, _minus(self._numbers["limits"][k])])
+
+    def _place(self, point: int, j: int) -> Any:
+        """The share of a coordinate in a point stop's gap: Im of its gradient's wave; of a slide, itself times Re."""
+        real, imaginary = self._wave("points", (point, j), j)
+        return _times(real, self.q[j]) if j >= self.structure.n_angles else imaginary
 
     @cached_property
     def _lead(self) -> Any:
@@ -158,13 +166,25 @@ class TaylorSystem:
             right.append(_sum(bias))  # -gamma
         for k, gap_row in enumerate(s.gap_rows):
             row, held = s.n_q + s.n_loops + k, self._par(s.held.start + k)
+            _put(matrix, row, row, held - 1.0)
+            if gap_row is None:
+                right.append(self._hold_point(matrix, row, s.point_stops.index(k), held))
+                continue
             for j, sense in enumerate(gap_row):
                 _put(matrix, row, j, {1: held, -1: -held, 0: None}[sense])
-            _put(matrix, row, row, held - 1.0)
             right.append(None)
         # Outer bodies first: a tree then fills in nothing. Slides couple all bodies and come after them.
         order = [*reversed(range(s.n_angles)), *range(s.n_angles, len(right))]
         return solve_ldl(matrix, right, order)
+
+    def _hold_point(self, matrix: dict[tuple[int, int], Any], row: int, point: int, held: Any) -> Any:
+        """Put a point stop's gradient into its row; what belongs on the right, -gamma."""
+        bias: list[Any] = []
+        for j in range(self.structure.n_q):
+            real, imaginary = self._wave("points", (point, j), j)
+            _put(matrix, row, j, _times(held, real))
+            bias.append(_times(imaginary, self._squares[j]) if j < self.structure.n_angles else None)
+        return _times(held, _sum(bias))
 
     def _mass_and_forces(self) -> tuple[dict[tuple[int, int], Any], list[Any]]:
         s = self.structure

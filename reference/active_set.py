@@ -76,7 +76,7 @@ class ActiveSet:
         u = np.array(mechanism.start_speeds or [0.0] * len(q))
         self._refuse_open_loops(q, u)
         touching = tuple(stop.name for stop in mechanism.stops if stop.closed)
-        if np.any(self._gap_speeds(touching, u) < -_AT_REST):
+        if np.any(self._gap_speeds(touching, q, u) < -_AT_REST):
             u = self._struck(0.0, q, u, touching)
         return self._settled(0.0, q, u, touching)
 
@@ -109,7 +109,7 @@ class ActiveSet:
 
     def _settled(self, t: float, q: FloatArray, u: FloatArray, touching: Sequence[str]) -> Moment:
         """Of the touching stops, those that neither part nor would have to pull; the rest are released."""
-        speeds = self._gap_speeds(touching, u)
+        speeds = self._gap_speeds(touching, q, u)
         resting = tuple(name for name, speed in zip(touching, speeds, strict=True) if abs(speed) <= _AT_REST)
         closed = pushing(self.equations, q, u, resting)
         for name in touching:
@@ -118,7 +118,7 @@ class ActiveSet:
         return Moment(t, q, u, closed)
 
     def _struck(self, t: float, q: FloatArray, u: FloatArray, touching: tuple[str, ...]) -> FloatArray:
-        speeds = self._gap_speeds(touching, u)
+        speeds = self._gap_speeds(touching, q, u)
         restitution = np.array(
             [self._restitution[n] if v < -REST_SPEED else 0.0 for n, v in zip(touching, speeds, strict=True)]
         )
@@ -139,8 +139,8 @@ class ActiveSet:
             )
         }
 
-    def _gap_speeds(self, names: Sequence[str], u: FloatArray) -> FloatArray:
-        return gap_rows(self.equations, names) @ u
+    def _gap_speeds(self, names: Sequence[str], q: FloatArray, u: FloatArray) -> FloatArray:
+        return gap_rows(self.equations, q, names) @ u
 
     def _note_release(self, name: str, t: float) -> None:
         """The first opening counts: it is the one the throw depends on."""

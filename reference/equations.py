@@ -36,7 +36,8 @@ class Equations:
         self._weights: ComplexArray = -1j * mechanism.gravity * (centres.conj().T @ masses)
         self._inertias = np.diag(self.kinematics.inertias)
         self._loops = self._loop_rows()
-        self._gap_rows = {stop.name: self.kinematics.gap_row(stop.name) for stop in mechanism.stops}
+        self._angle_gaps = {stop.name: self.kinematics.gap_row(stop.name) for stop in mechanism.angle_stops}
+        self._point_gaps = {stop.name: self.kinematics.gap_wave(stop.name) for stop in mechanism.point_stops}
 
     @cached_property
     def n_loops(self) -> int:
@@ -97,15 +98,30 @@ class Equations:
 
     def constraint_jacobian(self, q: FloatArray, closed: Sequence[str]) -> FloatArray:
         """G(q): loop joints first, then the gaps of the closed stops, shape (..., n_constraints, n_q)."""
-        loops = (self._loops * self._rates(q)[..., None, :]).real
-        gaps = np.array([self._gap_rows[name] for name in closed]).reshape(len(closed), len(self._angles))
-        return np.concatenate([loops, np.broadcast_to(gaps, (*q.shape[:-1], *gaps.shape))], axis=-2)
+        rates = self._rates(q)
+        loops = (self._loops * rates[..., None, :]).real
+        return np.concatenate([loops, self._gap_gradients(rates, closed)], axis=-2)
 
-    def _constraint_bias(self, q: FloatArray, u: FloatArray, n_closed: int) -> FloatArray:
-        """gamma(q, u) = dG/dt u; gaps are linear in q, so theirs is zero."""
+    def _gap_gradients(self, rates: ComplexArray, closed: Sequence[str]) -> FloatArray:
+        n_q = len(self._angles)
+        if not self._point_gaps:
+            gaps = np.array([self._angle_gaps[name] for name in closed]).reshape(len(closed), n_q)
+            return np.broadcast_to(gaps, (*rates.shape[:-1], *gaps.shape))
+        rows = np.empty((*rates.shape[:-1], len(closed), n_q))
+        for k, name in enumerate(closed):
+            wave = self._point_gaps.get(name)
+            rows[..., k, :] = self._angle_gaps[name] if wave is None else (wave.coefficients * rates).real
+        return rows
+
+    def constraint_bias(self, q: FloatArray, u: FloatArray, closed: Sequence[str]) -> FloatArray:
+        """gamma(q, u) = dG/dt u; 0 for gaps of angles, which are linear in q; shape (..., n_constraints)."""
         curvature = -1j * self._angles * self._rates(q) * u * u
         loops = (curvature @ self._loops.T).real
-        return np.concatenate([loops, np.zeros((*q.shape[:-1], n_closed))], axis=-1)
+        gaps = np.zeros((*q.shape[:-1], len(closed)))
+        for k, name in enumerate(closed):
+            if name in self._point_gaps:
+                gaps[..., k] = (curvature @ self._point_gaps[name].coefficients).real
+        return np.concatenate([loops, gaps], axis=-1)
 
     def solve(self, q: FloatArray, u: FloatArray, closed: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         """Accelerations and multipliers under the loop joints and the closed stops.
@@ -126,7 +142,7 @@ class Equations:
         kkt[..., :n_q, :n_q] = mass
         kkt[..., :n_q, n_q:] = -np.swapaxes(jacobian, -1, -2)
         kkt[..., n_q:, :n_q] = jacobian
-        right = np.concatenate([forces, -self._constraint_bias(q, u, len(closed))], axis=-1)
+        right = np.concatenate([forces, -self.constraint_bias(q, u, closed)], axis=-1)
         solution = _solve(kkt, right)
         return solution[..., :n_q], solution[..., n_q:]
 

@@ -73,16 +73,21 @@ class EventFinder:
         return _root(lambda t: float(torque(np.asarray(piece(t)))), float(times[i]), float(times[i + 1]))
 
     def _closing(self, watch: Watch, piece: DenseOutput, times: FloatArray, states: FloatArray) -> float | None:
-        row = self.equations.kinematics.gap_row(watch.stop)
-        limit = self.equations.mechanism.stop(watch.stop).limit
+        kinematics, n = self.equations.kinematics, self.n_q
+
+        def gap_at(state: FloatArray) -> FloatArray:
+            return kinematics.gap(watch.stop, state[..., :n])
+
+        def speed_at(state: FloatArray) -> FloatArray:
+            return np.sum(kinematics.gap_gradient(watch.stop, state[..., :n]) * state[..., n:], axis=-1)
 
         def gap(t: float) -> float:
-            return float(row @ np.asarray(piece(t))[: self.n_q] - limit)
+            return float(gap_at(np.asarray(piece(t))))
 
         def speed(t: float) -> float:
-            return float(row @ np.asarray(piece(t))[self.n_q :])
+            return float(speed_at(np.asarray(piece(t))))
 
-        gaps, speeds = states[:, : self.n_q] @ row - limit, states[:, self.n_q :] @ row
+        gaps, speeds = gap_at(states), speed_at(states)
         for i in range(len(times) - 1):
             root = _fall(gap, speed, (float(times[i]), float(times[i + 1])), gaps[i : i + 2], speeds[i : i + 2])
             if root is not None:

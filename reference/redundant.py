@@ -24,7 +24,7 @@ import numpy as np
 from ..models.arrays import FloatArray
 from ..models.errors import UnsupportedProblemError
 from ..models.launch import LAUNCH_ANGLE, Launch
-from ..models.mechanism import GROUND, Body, Mechanism, PinJoint, SlotJoint
+from ..models.mechanism import GROUND, Body, Mechanism, PinJoint, PointStop, SlotJoint, Stop
 from ..models.problem import Problem, StopLaw
 from ..models.spec import Vector
 from .figures import PointState
@@ -58,7 +58,7 @@ class RedundantSystem:
         self._mass = np.diag(np.ravel(masses))
         self._weight = np.ravel([(0.0, -body.mass * mechanism.gravity, 0.0) for body in mechanism.bodies])
         self._gather_joints()
-        self._stop_rows = {stop.name: self._stop_row(stop.name) for stop in mechanism.stops}
+        self._angle_rows = {stop.name: self._angle_row(stop) for stop in mechanism.angle_stops}
         self.stops = tuple(stop.name for stop in mechanism.stops if stop.closed)
 
     @property
@@ -88,9 +88,9 @@ class RedundantSystem:
         return self._solve(y, held)[self.n + len(self._fixed) :]
 
     def gap_accelerations(self, y: FloatArray, held: tuple[str, ...], of: tuple[str, ...]) -> FloatArray:
-        """Second derivatives of gaps [rad/s^2] while `held` are held."""
-        rows = np.array([self._stop_rows[name] for name in of]).reshape(len(of), self.n)
-        return rows @ self._solve(y, held)[: self.n]
+        """Second derivatives of gaps [rad/s^2 or m/s^2] while `held` are held."""
+        x, v, a = y[: self.n], y[self.n :], self._solve(y, held)[: self.n]
+        return np.array([self._stop_row(x, name) @ a - self._inward(x, v, name) for name in of])
 
     def projected(self, y: FloatArray, held: tuple[str, ...]) -> FloatArray:
         """The nearest state, in the mass metric, that fulfils constraints and their rates to rounding."""
@@ -111,8 +111,11 @@ class RedundantSystem:
         return self._fixed + self._gather @ np.sum(self._directions * places, axis=1)
 
     def gap(self, x: FloatArray, name: str) -> float:
-        """Gap of a stop [rad]."""
-        return float(self._stop_rows[name] @ x) - self.mechanism.stop(name).limit
+        """Gap of a stop [rad, or m for one on a point]."""
+        stop = self.mechanism.stop(name)
+        if isinstance(stop, PointStop):
+            return float(np.dot(stop.normal, self._point(x, x, stop.body, stop.point)[0])) - stop.offset
+        return float(self._angle_rows[name] @ x) - stop.limit
 
     def coordinates(self, x: FloatArray) -> FloatArray:
         """The mechanism's own coordinates q, shape (n_q,) [rad or m]."""
@@ -187,12 +190,33 @@ class RedundantSystem:
         anchors.directions.append(direction)
         anchors.offsets.append((point[0] - centre[0], point[1] - centre[1]))
 
-    def _stop_row(self, name: str) -> FloatArray:
-        stop, row = self.mechanism.stop(name), np.zeros(self.n)
+    def _angle_row(self, stop: Stop) -> FloatArray:
+        row = np.zeros(self.n)
         for body, sign in ((stop.body, stop.sense), (stop.relative_to, -stop.sense)):
             if body != GROUND:
                 row[3 * self._index[body] + 2] += sign
         return row
+
+    def _stop_row(self, x: FloatArray, name: str) -> FloatArray:
+        """Gradient of a stop's gap, shape (3 n_bodies,)."""
+        stop = self.mechanism.stop(name)
+        if not isinstance(stop, PointStop):
+            return self._angle_rows[name]
+        row = np.zeros(self.n)
+        if stop.body != GROUND:
+            i = 3 * self._index[stop.body]
+            _, turn = self._arm(x[i + 2], self.mechanism.body(stop.body), stop.point)
+            row[i : i + 3] = (*stop.normal, np.dot(stop.normal, turn))
+        return row
+
+    def _inward(self, x: FloatArray, v: FloatArray, name: str) -> float:
+        """Minus gamma of a stop: the centripetal acceleration of its point towards where it may be."""
+        stop = self.mechanism.stop(name)
+        if not isinstance(stop, PointStop) or stop.body == GROUND:
+            return 0.0
+        i = 3 * self._index[stop.body]
+        arm, _ = self._arm(x[i + 2], self.mechanism.body(stop.body), stop.point)
+        return float(np.dot(stop.normal, arm) * v[i + 2] ** 2)
 
     def _arms(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Offsets of the anchors in the world, and their derivatives by the angle, shape (n_anchors, 2)."""
@@ -222,7 +246,7 @@ class RedundantSystem:
         _, turns = self._arms(x)
         joints = self._straight.copy()
         np.add.at(joints, (self._rows, self._angles), np.sum(self._directions * turns, axis=1))
-        return np.vstack([joints, *(self._stop_rows[name] for name in held)])
+        return np.vstack([joints, *(self._stop_row(x, name) for name in held)])
 
     def _kkt(self, jacobian: FloatArray, forces: FloatArray, right: FloatArray) -> FloatArray:
         n, m = self.n, len(jacobian)
@@ -235,7 +259,7 @@ class RedundantSystem:
         x, v = y[: self.n], y[self.n :]
         arms, _ = self._arms(x)
         inward = np.sum(self._directions * arms, axis=1) * v[self._angles] ** 2  # minus gamma, anchor by anchor
-        right = np.concatenate([self._gather @ inward, np.zeros(len(held))])
+        right = np.concatenate([self._gather @ inward, [self._inward(x, v, name) for name in held]])
         return self._kkt(self._jacobian(x, held), self._weight, right)
 
 

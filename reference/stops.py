@@ -44,27 +44,26 @@ def impact(
     Returns:
         u+, shape (n_q,), and the impulse of each stop [N m s].
     """
-    rows = gap_rows(equations, touching)
+    rows = gap_rows(equations, q, touching)
     matrix, _ = _delassus(equations, q, u, touching)
     impulses = solve_lcp(matrix, (1.0 + restitution) * (rows @ u))
     after = u + _held_response(equations, q, rows.T @ impulses)
     return after, dict(zip(touching, impulses.tolist(), strict=True))
 
 
-def gap_rows(equations: Equations, names: Sequence[str]) -> FloatArray:
-    """Gradients of the stops' gaps, shape (n_names, n_q)."""
-    n_q = len(equations.mechanism.coordinates)
-    return np.array([equations.kinematics.gap_row(name) for name in names]).reshape(len(names), n_q)
+def gap_rows(equations: Equations, q: FloatArray, names: Sequence[str]) -> FloatArray:
+    """Gradients of the stops' gaps at one state, shape (n_names, n_q)."""
+    return equations.constraint_jacobian(q, names)[equations.n_loops :]
 
 
 def _delassus(
     equations: Equations, q: FloatArray, u: FloatArray, touching: Sequence[str]
 ) -> tuple[FloatArray, FloatArray]:
     """G M^{-1} G^T and the gap accelerations without the stops, loop joints held in both."""
-    rows = gap_rows(equations, touching)
+    rows = gap_rows(equations, q, touching)
     free = equations.solve(q, u, ())[0]
     response = np.array([_held_response(equations, q, row) for row in rows])
-    return rows @ response.T, rows @ free
+    return rows @ response.T, rows @ free + equations.constraint_bias(q, u, touching)[equations.n_loops :]
 
 
 def _held_response(equations: Equations, q: FloatArray, force: FloatArray) -> FloatArray:

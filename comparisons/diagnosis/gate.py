@@ -13,7 +13,7 @@ from ...engines.inspection import Inspectable, Inspection, State
 from ...engines.protocol import Engine
 from ...models.arrays import FloatArray
 from ...models.kinematics import Kinematics
-from ...models.mechanism import Mechanism
+from ...models.mechanism import Mechanism, PointStop, Stop
 from ...reference.altered import WithJoint, WithoutCentrifugal
 from ...reference.equations import Equations
 from ..equality import EXACT, Expected, compared, equality, expected, stops_misplaced
@@ -147,10 +147,15 @@ def _signatures(
     if any(stop.name not in stops for stop in mechanism.stops):
         return  # a stop less: that is read off
     kinematics = Kinematics(mechanism)
-    limits = np.array([mechanism.stop(name).limit - stops[name].limit for name in gaps])
+    limits = np.array([_limit(mechanism.stop(name)) - _limit(stops[name]) for name in gaps])
     start = np.array(wrong.start) - np.array(mechanism.start)
-    rows = np.array([kinematics.gap_row(name) for name in gaps]).reshape(len(gaps), len(start))
+    at_start = np.array(mechanism.start)
+    rows = np.array([kinematics.gap_gradient(name, at_start) for name in gaps]).reshape(len(gaps), len(start))
     for shift in (np.zeros_like(start), start) if start.any() else (start,):
         placed = [replace(state, q=state.q + shift) for state in states]
         shown = expected(wrong, placed).as_dynamics(found.dynamics)
         yield np.concatenate([compared(right, shown), start, limits + rows @ shift])
+
+
+def _limit(stop: Stop | PointStop) -> float:
+    return stop.offset if isinstance(stop, PointStop) else stop.limit

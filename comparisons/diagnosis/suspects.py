@@ -13,7 +13,8 @@ from typing import Any, Literal
 import numpy as np
 
 from ...models.errors import InputError
-from ...models.mechanism import GROUND, Mechanism
+from ...models.kinematics import Kinematics
+from ...models.mechanism import Mechanism, PointStop
 from ...models.parameters import TrebuchetParameters
 from ...models.registry import model
 from ...models.trebuchet import parameters_of
@@ -156,12 +157,13 @@ def _starts(mechanism: Mechanism) -> Iterator[Suspect]:
 
 def _stops_at(mechanism: Mechanism, start: tuple[float, ...]) -> list[dict[str, Any]]:
     """The stops, with those that touch at the start moved to where they touch at another one."""
-    angle = {body.name: start[k] for k, body in enumerate(mechanism.bodies)} | {GROUND: 0.0}
-    return [
-        stop.model_dump()
-        | ({"limit": stop.sense * (angle[stop.body] - angle[stop.relative_to])} if stop.closed else {})
-        for stop in mechanism.stops
-    ]
+    kinematics, q = Kinematics(mechanism), np.array(start)
+    moved: list[dict[str, Any]] = []
+    for stop in mechanism.stops:
+        gap = float(kinematics.gap(stop.name, q)) if stop.closed else 0.0
+        place = {"offset": stop.offset + gap} if isinstance(stop, PointStop) else {"limit": stop.limit + gap}
+        moved.append(stop.model_dump() | place)
+    return moved
 
 
 def _missing(mechanism: Mechanism) -> Iterator[Suspect]:

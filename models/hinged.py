@@ -1,0 +1,73 @@
+"""The trebuchet with a hinged counterweight in its classical orientation (Denny, Eur. J. Phys. 26 (2005) 561).
+
+The arm starts pointing back and down, the counterweight hangs below its short end, and the sling lies folded forward
+under the machine, its projectile in a level trough without friction until it lifts off.
+"""
+
+from __future__ import annotations
+
+import math
+
+from pydantic import Field
+
+from .mechanism import GROUND, Body, Marker, Mechanism, PinJoint, PointStop, Stop
+from .parameters import Angle
+from .spec import Positive, Spec
+from .trebuchet import ARM_STOP, COUNTERWEIGHT, FULCRUM, HANGER_PIN, PROJECTILE, SLING_PIN
+
+TROUGH = "trough"
+
+
+class HingedParameters(Spec):
+    """Lengths [m], masses [kg], gravity [m/s^2] and start angles [rad] of the classical trebuchet.
+
+    Masses and lengths are Table I's but for the hanger, which is short, as the counterweights of such machines were.
+
+    Raises:
+        InputError: a length, mass or gravity is not positive and finite, or an angle is not in range.
+    """
+
+    l1: Positive = Field(default=10.0, description="arm, fulcrum to sling pin [m]")
+    l2: Positive = Field(default=4.0, description="arm, fulcrum to hanger pin [m]")
+    m_b: Positive = Field(default=60.0, description="projectile, a point mass [kg]")
+    m_cw: Positive = Field(default=3000.0, description="counterweight, a point mass [kg]")
+    m_a: Positive = Field(default=1000.0, description="throwing arm, a uniform rod [kg]")
+    h: Positive = Field(default=4.0, description="hanger length [m]")
+    r: Positive = Field(default=6.0, description="sling length [m]")
+    g: Positive = Field(default=9.81, description="gravity [m/s^2]")
+    theta0: Angle = Field(default=3 * math.pi / 4, description="start angle of the throwing arm [rad]")
+    phi0: Angle = Field(default=0.0, description="start angle of the sling [rad]")
+    alpha0: Angle = Field(default=math.pi / 2, description="start angle of the hanger [rad]")
+
+
+def hinged(parameters: HingedParameters | None = None) -> Mechanism:
+    """The classical trebuchet; q = (theta, phi, alpha), and a trough where the projectile starts.
+
+    Args:
+        parameters: as documented there where left out.
+    """
+    p = parameters or HingedParameters()
+    beam = p.l1 + p.l2
+    arm = Body(name="arm", angle="theta", mass=p.m_a, centre=((p.l1 - p.l2) / 2, 0), inertia=p.m_a * beam**2 / 12)
+    sling = Body(name="sling", angle="phi", mass=p.m_b, centre=(p.r, 0), inertia=0)
+    hanger = Body(name="hanger", angle="alpha", mass=p.m_cw, centre=(p.h, 0), inertia=0)
+    floor = -p.l1 * math.sin(p.theta0) - p.r * math.sin(p.phi0)
+    return Mechanism(
+        name="hinged",
+        bodies=(arm, sling, hanger),
+        joints=(
+            PinJoint(name=FULCRUM, parent=GROUND, child="arm", parent_point=(0, 0), child_point=(0, 0)),
+            PinJoint(name=SLING_PIN, parent="arm", child="sling", parent_point=(p.l1, 0), child_point=(0, 0)),
+            PinJoint(name=HANGER_PIN, parent="arm", child="hanger", parent_point=(-p.l2, 0), child_point=(0, 0)),
+        ),
+        stops=(
+            PointStop(name=TROUGH, body="sling", point=(p.r, 0), normal=(0, 1), offset=floor, closed=True),
+            Stop(name=ARM_STOP, body="arm", sense=-1, limit=-2 * math.pi, closed=False),
+        ),
+        markers=(
+            Marker(name=PROJECTILE, body="sling", point=(p.r, 0)),
+            Marker(name=COUNTERWEIGHT, body="hanger", point=(p.h, 0)),
+        ),
+        gravity=p.g,
+        start=(p.theta0, p.phi0, p.alpha0),
+    )
