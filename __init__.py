@@ -28,8 +28,11 @@ if TYPE_CHECKING:
         TrebucheckError,
         UnsupportedProblemError,
     )
+    from .models.catapult import CatapultParameters, catapult
+    from .models.floating_arm import FloatingArmParameters, floating_arm
+    from .models.hinged import HingedParameters, hinged
     from .models.launch import Launch
-    from .models.mechanism import Body, Marker, Mechanism, PinJoint, SlotJoint, Stop
+    from .models.mechanism import Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint, Stop
     from .models.parameters import TrebuchetParameters
     from .models.problem import Problem, StopLaw
     from .models.trajectory import Trajectory
@@ -39,13 +42,17 @@ if TYPE_CHECKING:
 __all__ = [
     "Body",
     "Capabilities",
+    "CatapultParameters",
     "Engine",
     "EngineNotInstalledError",
+    "FloatingArmParameters",
+    "HingedParameters",
     "InputError",
     "Launch",
     "Marker",
     "Mechanism",
     "PinJoint",
+    "PointStop",
     "Problem",
     "SimulationError",
     "SlotJoint",
@@ -56,10 +63,13 @@ __all__ = [
     "TrebuchetParameters",
     "UnsupportedProblemError",
     "__version__",
+    "catapult",
     "compare",
     "engine",
     "engines",
     "fixed",
+    "floating_arm",
+    "hinged",
     "rolling",
     "throw",
 ]
@@ -79,8 +89,11 @@ _HOMES = {
     "throw": "reference.throw",
     "fixed": "models.trebuchet",
     "rolling": "models.trebuchet",
+    **dict.fromkeys(("CatapultParameters", "catapult"), "models.catapult"),
+    **dict.fromkeys(("HingedParameters", "hinged"), "models.hinged"),
+    **dict.fromkeys(("FloatingArmParameters", "floating_arm"), "models.floating_arm"),
     **dict.fromkeys(_ERRORS, "models.errors"),
-    **dict.fromkeys(("Body", "Marker", "Mechanism", "PinJoint", "SlotJoint", "Stop"), "models.mechanism"),
+    **dict.fromkeys(("Body", "Marker", "Mechanism", "PinJoint", "PointStop", "SlotJoint", "Stop"), "models.mechanism"),
 }
 
 

@@ -16,9 +16,9 @@ from ..engines.protocol import Engine
 from ..engines.registry import engine, engine_class, engine_names
 from ..models.errors import EngineNotInstalledError, InputError, TrebucheckError, UnsupportedProblemError
 from ..models.mechanism import Mechanism
-from ..models.parameters import TrebuchetParameters
 from ..models.problem import Problem, StopLaw
 from ..models.registry import model
+from ..models.spec import Spec
 from ..models.trajectory import Trajectory
 from ..reference.certificate import reference_uncertainty
 from ..reference.solution import Solution
@@ -93,7 +93,7 @@ def compare(
     engines: Iterable[str] | None = None,
     presets: Iterable[str] = PRESETS,
     *,
-    parameters: TrebuchetParameters | None = None,
+    parameters: Spec | None = None,
     timestep: float | None = None,
     duration: float | None = None,
     stop_law: StopLaw | str = StopLaw.RELEASE_ONCE,
@@ -109,7 +109,7 @@ def compare(
         models: names of machines (:func:`..models.registry.models`) or mechanisms of your own.
         engines: names; all known ones if left out. Those not installed become rows that say so.
         presets: 'tuned', 'stock', or both.
-        parameters: of the named machines; Table I if left out.
+        parameters: of the named machines, all of one class; their defaults if left out.
         timestep: of every engine [s]; each preset's own if left out.
         duration: end of the compared motion [s]; the reference's launch if left out.
         stop_law: 'release-once' or 'unilateral'.
@@ -159,7 +159,7 @@ def _unique(names: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def _mechanisms(models: Iterable[str | Mechanism], parameters: TrebuchetParameters | None) -> list[Mechanism]:
+def _mechanisms(models: Iterable[str | Mechanism], parameters: Spec | None) -> list[Mechanism]:
     found = [model(m, parameters) if isinstance(m, str) else m for m in models]
     by_name = {mechanism.name: mechanism for mechanism in found}
     if not by_name:

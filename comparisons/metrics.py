@@ -122,14 +122,15 @@ def _torques(c: Comparison) -> Iterator[Metric]:
     settled = _away_from_releases(c)
     for name, torque in c.trajectory.stop_torques.items():
         expected = c.reference.stop_torque(name)
-        if not c.trajectory.mechanism.stop(name).closed:
+        stop = c.trajectory.mechanism.stop(name)
+        if not stop.closed:
             continue
         apart = c.distance(torque, expected)
         impulse = trapezoid(torque[c.keep], c.t) - trapezoid(expected[c.keep], c.t)
-        yield Metric(name="stop_torque_max", subject=name, value=apart.max(), unit="N m")
+        yield Metric(name="stop_torque_max", subject=name, value=apart.max(), unit=stop.force_unit)
         if settled.any():
-            yield Metric(name="stop_torque_settled", subject=name, value=apart[settled].max(), unit="N m")
-        yield Metric(name="stop_impulse", subject=name, value=float(impulse), unit="N m s")
+            yield Metric(name="stop_torque_settled", subject=name, value=apart[settled].max(), unit=stop.force_unit)
+        yield Metric(name="stop_impulse", subject=name, value=float(impulse), unit=f"{stop.force_unit} s")
 
 
 def _away_from_releases(c: Comparison) -> BoolArray:

@@ -97,7 +97,9 @@ def _sections(comparison: Comparison, machine: Machine, own: dict[str, Trajector
     runs = figures.lines(solution, own, end)
     over_time = partial(figures.over_time, solution, runs, end)
     angles = {body.angle: partial(_coordinate, i) for i, body in enumerate(machine.mechanism.bodies)}
-    torques = {s.name: partial(_torque, s.name) for s in machine.mechanism.stops if s.closed}
+    closed = [stop for stop in machine.mechanism.stops if stop.closed]
+    torques = {s.name: partial(_torque, s.name) for s in closed if s.force_unit == "N m"}
+    pushes = {s.name: partial(_torque, s.name) for s in closed if s.force_unit == "N"}
     plots: list[tuple[str, str, go.Figure]] = [
         ("Motion", "The paths of projectile and counterweight, and the machine at the start and at the end.",
          figures.paths(solution, runs, end)),
@@ -115,6 +117,9 @@ def _sections(comparison: Comparison, machine: Machine, own: dict[str, Trajector
     if torques:
         text = "At least 0 while the rest pushes, 0 once it has let go; below, the differences to the reference."
         plots.insert(3, ("Stop torques", text, over_time(torques, "N m")))
+    if pushes:
+        text = "At least 0 while it carries the point, 0 once it has let go; below, the differences to the reference."
+        plots.insert(3, ("Stop forces", text, over_time(pushes, "N")))
     return [Section(title, text, embedded(plot)) for title, text, plot in plots]
 
 

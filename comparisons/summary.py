@@ -27,7 +27,9 @@ class Column:
         judged = any(m.holds is not None for m in found)
         missing = any(m.value is None for m in found)
         largest = max(values) if values and not missing else None
-        return Cell(figure(largest) if found else "", largest, broken, judged)
+        other = {m.unit for m in found} - {self.unit}
+        text = figure(largest) if found else ""
+        return Cell(f"{text} {other.pop()}" if other and largest is not None else text, largest, broken, judged)
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ def catapult(parameters: CatapultParameters | None = None) -> Mechanism:
         bodies=(arm,),
         joints=(PinJoint(name=FULCRUM, parent=GROUND, child="arm", parent_point=(0, 0), child_point=(0, 0)),),
         markers=(
-            Marker(name=PROJECTILE, body="arm", point=(p.l1, 0)),
+            Marker(name=PROJECTILE, body="arm", point=(p.l1, 0), mass=p.m_b),
             Marker(name=COUNTERWEIGHT, body="arm", point=(-p.l2, 0)),
         ),
         gravity=p.g,

@@ -35,7 +35,8 @@ def to_dataset(trajectory: Trajectory) -> xr.Dataset:
     velocities = {name: motion.velocity for name, motion in trajectory.markers.items()}
     _add(data, coords, "marker", "position", positions, "position of the markers", "m")
     _add(data, coords, "marker", "velocity", velocities, "velocity of the markers", "m/s")
-    _add(data, coords, "stop", "stop_torque", trajectory.stop_torques, "torque of the stops", "N m")
+    torque_unit = "N m (stops on points: N)" if trajectory.mechanism.point_stops else "N m"
+    _add(data, coords, "stop", "stop_torque", trajectory.stop_torques, "torque of the stops", torque_unit)
     _add(data, coords, "joint", "joint_reaction", trajectory.joint_reactions, "force on the joint's child", "N")
     _add(data, coords, "open_joint", "joint_gap", trajectory.joint_gaps, "distance of the joint's points", "m")
     released = [time if time is not None else np.nan for time in trajectory.release_times.values()]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Iterable, Iterator
-from typing import Annotated, Literal, Self, cast
+from typing import Annotated, ClassVar, Literal, Self, cast
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -70,6 +70,9 @@ class Stop(Spec):
     Its torque is the generalised force conjugate to the gap: >= 0 while it pushes, 0 when open.
     """
 
+    gap_unit: ClassVar[str] = "rad"
+    force_unit: ClassVar[str] = "N m"
+
     name: Name
     body: Name
     relative_to: Name = GROUND
@@ -86,6 +89,9 @@ class PointStop(Spec):
 
     A trough, a floor, a wall without friction. Its force is along the normal: >= 0 while it pushes, 0 when open.
     """
+
+    gap_unit: ClassVar[str] = "m"
+    force_unit: ClassVar[str] = "N"
 
     name: Name
     body: Name
@@ -122,6 +128,9 @@ class Marker(Spec):
     name: Name
     body: Name
     point: Vector = Field(description="in the body's frame [m]")
+    mass: Positive | None = Field(
+        default=None, description="what leaves the machine there, if it is not the whole body [kg]; part of the body's"
+    )
 
 
 class Mechanism(Spec):
@@ -174,6 +183,13 @@ class Mechanism(Spec):
     def stop(self, name: str) -> Stop | PointStop:
         """The stop of that name."""
         return next(stop for stop in self.stops if stop.name == name)
+
+    def thrown_mass(self, marker: Marker) -> float | None:
+        """Mass that leaves at a marker [kg]: its own, or its body's if that is a point mass there; None: not known."""
+        body = self.body(marker.body) if marker.body != GROUND else None
+        if marker.mass is not None or body is None:
+            return marker.mass
+        return body.mass if body.centre == marker.point and body.inertia == 0 else None
 
     @property
     def angle_stops(self) -> tuple[Stop, ...]:
@@ -245,7 +261,7 @@ class Mechanism(Spec):
 
     def _refuse_wrong_gaps(self) -> None:
         for stop in self.stops:
-            gap, rounding, unit = self._start_gap(stop)
+            (gap, rounding), unit = self._start_gap(stop), stop.gap_unit
             if stop.closed and abs(gap) > rounding:
                 raise ValueError(f"stop {stop.name!r} is closed, but its gap at the start is {gap:.3g} {unit}, not 0")
             if not stop.closed and gap <= rounding:
@@ -253,14 +269,14 @@ class Mechanism(Spec):
                     f"stop {stop.name!r} is open, but its gap at the start is {gap:.3g} {unit}, not positive"
                 )
 
-    def _start_gap(self, stop: Stop | PointStop) -> tuple[float, float, str]:
-        """A stop's gap at the start, how far rounding can move it, and their unit."""
+    def _start_gap(self, stop: Stop | PointStop) -> tuple[float, float]:
+        """A stop's gap at the start, and how far rounding can move it."""
         if isinstance(stop, PointStop):
             at = self._start_place(stop.body, stop.point)
             gap = stop.normal[0] * at.real + stop.normal[1] * at.imag - stop.offset
-            return gap, _CLOSED_GAP * max(1.0, abs(at)), "m"
+            return gap, _CLOSED_GAP * max(1.0, abs(at))
         angle = {body.name: self.start[i] for i, body in enumerate(self.bodies)} | {GROUND: 0.0}
-        return stop.sense * (angle[stop.body] - angle[stop.relative_to]) - stop.limit, _CLOSED_GAP, "rad"
+        return stop.sense * (angle[stop.body] - angle[stop.relative_to]) - stop.limit, _CLOSED_GAP
 
     def _start_place(self, body: str, point: Vector) -> complex:
         """Where a body's point is at the start, x + i y [m]."""

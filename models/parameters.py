@@ -49,6 +49,15 @@ class TrebuchetParameters(Spec):
         Raises:
             InputError: l1 is not shorter than the beam, or a value is not valid.
         """
-        if not l1 < beam:
-            raise InputError(f"l1 = {l1!r} must be shorter than the beam of {beam!r} m, so that l2 = beam - l1 > 0.")
-        return cls(l1=l1, l2=beam - l1, **others)
+        return cls(l1=l1, l2=short_end(l1, beam), **others)
+
+
+def short_end(l1: float, beam: float) -> float:
+    """The arm's other side on a beam of fixed length, l2 = beam - l1 [m].
+
+    Raises:
+        InputError: l1 is not shorter than the beam.
+    """
+    if not l1 < beam:
+        raise InputError(f"l1 = {l1!r} must be shorter than the beam of {beam!r} m, so that l2 = beam - l1 > 0.")
+    return beam - l1

@@ -125,6 +125,10 @@ class Spec(BaseModel):
 
     @property
     def content_hash(self) -> str:
-        """SHA-256 of the canonical JSON: equal for equal content, whatever the order it was given in."""
-        canonical = json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+        """SHA-256 of the canonical JSON: equal for equal content, whatever the order it was given in.
+
+        What is None is left out: a description keeps its hash when a field that it does not use comes into being.
+        """
+        content = self.model_dump(mode="json", exclude_none=True)
+        canonical = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()

@@ -34,7 +34,7 @@ from ..models.launch import Launch
 from ..models.mechanism import Mechanism
 from ..models.parameters import TrebuchetParameters
 from ..models.problem import Problem
-from ..models.registry import model, models
+from ..models.registry import model
 from .certificate import Certificate, Computation, Figure
 from .figures import BEYOND_LAUNCH, Key, Motion, Plan, PointState, figures, plan
 from .redundant import solve_redundant
@@ -50,6 +50,7 @@ RULE = (
     "3 max_i |v_i - v| + 3 max_k |v_k - v| (tol / tol_k)^(7/8) + 16 eps max |v|; v: extended Taylor, else the median "
     "of the independent v_i; v_k: coarser rungs; the last two terms the largest over all figures of the kind"
 )
+PAPER_MACHINES = ("fixed", "rolling")
 _SEARCH = (4.0, 10.0)  # [s] the launch is looked for up to these
 _MARGIN = 0.02  # [s] past the last instant that is read
 _SAFETY = 3.0
@@ -278,7 +279,7 @@ def _paper_task(
     if importlib.util.find_spec("sympy") is None:
         return "the paper's equations: SymPy is not installed"
     chosen = parameters or TrebuchetParameters()
-    if mechanism.name not in models() or model(mechanism.name, chosen) != mechanism:
+    if mechanism.name not in PAPER_MACHINES or model(mechanism.name, chosen) != mechanism:
         return "the paper's equations: not one of its machines"
     computation = Computation(
         name=f"paper, {tolerance:g}",

@@ -104,7 +104,7 @@ def _start(motion: Motion, wanted: Plan) -> _Found:
     torques = motion.stop_torques(0.0)
     for stop in wanted.mechanism.stops:
         if stop.closed:
-            yield Key("stop_torque", stop.name, "start", "N m"), torques[stop.name]
+            yield Key("stop_torque", stop.name, "start", stop.force_unit), torques[stop.name]
     yield Key("total_energy", None, "start", "J"), motion.energy(0.0)
 
 
@@ -125,7 +125,8 @@ def _coordinates(motion: Motion, wanted: Plan, time: float, at: str) -> _Found:
 
 def _torques(motion: Motion, wanted: Plan) -> _Found:
     for name, time in wanted.halfway.items():
-        yield Key("stop_torque", name, f"{time:g} s", "N m", time), motion.stop_torques(time)[name]
+        unit = wanted.mechanism.stop(name).force_unit
+        yield Key("stop_torque", name, f"{time:g} s", unit, time), motion.stop_torques(time)[name]
 
 
 def _grid(motion: Motion, wanted: Plan) -> _Found:
@@ -243,6 +244,6 @@ def _speed_rate(motion: Motion, t: float) -> tuple[float, float]:
 
 def _energy_ratio(motion: Motion, mechanism: Mechanism) -> Callable[[float], float]:
     """The paper's R: kinetic energy of the projectile over the total energy at the start."""
-    body = next(marker.body for marker in mechanism.markers if marker.name == PROJECTILE)
-    mass, energy = mechanism.body(body).mass, motion.energy(0.0)
-    return lambda t: mass * _speed_rate(motion, t)[0] / energy if energy else math.nan
+    mass = mechanism.thrown_mass(next(marker for marker in mechanism.markers if marker.name == PROJECTILE))
+    energy = motion.energy(0.0)
+    return lambda t: mass * _speed_rate(motion, t)[0] / energy if mass and energy else math.nan

@@ -50,8 +50,8 @@ class Projectile:
 
     @property
     def mass(self) -> float | None:
-        """Of the body whose centre is the marker [kg]; None where the marker is some other point."""
-        return self.body.mass if self.body.centre == self.marker.point else None
+        """What is thrown [kg] (:meth:`..models.mechanism.Mechanism.thrown_mass`); None where it is not known."""
+        return self.solution.problem.mechanism.thrown_mass(self.marker)
 
     @property
     def opened(self) -> float:

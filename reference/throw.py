@@ -235,8 +235,8 @@ def _surroundings(projectile: Projectile, air: Air, height: float) -> Surroundin
     if air.density * air.drag_area > 0:
         if projectile.mass is None:
             raise InputError(
-                f"drag needs the projectile's own mass, but the marker {projectile.name!r} is not the centre of "
-                f"the body {projectile.body.name!r}; leave out the drag area, or move the marker."
+                f"drag needs the projectile's own mass, but the marker {projectile.name!r} has none and is not the "
+                f"centre of a point mass {projectile.body.name!r}; leave out the drag area, or give the marker a mass."
             )
         drag = air.drag(projectile.mass)
     x, y = _fulcrum(projectile.solution)

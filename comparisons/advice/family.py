@@ -14,8 +14,8 @@ import numpy as np
 
 from ...models.errors import TrebucheckError
 from ...models.mechanism import Mechanism
-from ...models.parameters import TrebuchetParameters
-from ...models.registry import model
+from ...models.registry import model, parameters_type
+from ...models.spec import Spec
 
 LENGTH, MASS, ANGLE, GRAVITY = 1.4, 2.5, 0.3, 1.4
 """Lengths, masses and gravity are varied up to these factors, up and down; start angles by that much [rad]."""
@@ -27,15 +27,16 @@ Neighbour = tuple[Mechanism, dict[str, float]]
 """A machine, and the parameters (or factors) it was made with."""
 
 
-def of_parameters(name: str, parameters: TrebuchetParameters | None) -> Iterator[Neighbour]:
+def of_parameters(name: str, parameters: Spec | None) -> Iterator[Neighbour]:
     """Endless neighbours of a named machine: lengths, masses and start angles varied; gravity kept."""
-    base = (parameters or TrebuchetParameters()).model_dump()
+    kind = parameters_type(name)
+    base = (parameters or kind()).model_dump()
     random = np.random.default_rng(_SEED)
     while True:
-        own = {key: base[key] * _factor(random, LENGTH) for key in _LENGTHS}
-        own |= {key: base[key] * _factor(random, MASS) for key in _MASSES}
-        own |= {key: base[key] + float(random.uniform(-ANGLE, ANGLE)) for key in _ANGLES}
-        yield from _built(lambda own=own: model(name, TrebuchetParameters(**(base | own))), own)
+        own = {key: base[key] * _factor(random, LENGTH) for key in _LENGTHS if key in base}
+        own |= {key: base[key] * _factor(random, MASS) for key in _MASSES if key in base}
+        own |= {key: base[key] + float(random.uniform(-ANGLE, ANGLE)) for key in _ANGLES if key in base}
+        yield from _built(lambda own=own: model(name, kind(**(base | own))), own)
 
 
 def of_mechanism(mechanism: Mechanism) -> Iterator[Neighbour]:

@@ -13,8 +13,9 @@ from pathlib import Path
 from ...engines.registry import engine_class, engine_names
 from ...models.errors import InputError, TrebucheckError
 from ...models.mechanism import Mechanism
-from ...models.parameters import TrebuchetParameters
 from ...models.registry import model as named_model
+from ...models.registry import parameters_type
+from ...models.spec import Spec
 from ...reference.solver import natural_time
 from ..isolation import Worker
 from ..trials import Trial, Trials
@@ -50,7 +51,7 @@ def recommend(
     asked: Asked,
     engines: Iterable[str] | None = None,
     *,
-    parameters: TrebuchetParameters | None = None,
+    parameters: Spec | None = None,
     neighbours: int = NEIGHBOURS,
     folder: Path | None = None,
     resume: bool = False,
@@ -67,7 +68,7 @@ def recommend(
         model: name of a machine, or a mechanism of your own (whose masses and gravity are varied).
         asked: largest errors allowed, up to the launch.
         engines: names; all but the reference if left out. Those not installed become rows that say so.
-        parameters: of a named machine; Table I if left out.
+        parameters: of a named machine; its defaults if left out.
         neighbours: how many machines of the same kind are looked at; 0: only the machine itself.
         folder: where trials are kept; None: nowhere.
         resume: take kept trials again.
@@ -111,7 +112,7 @@ def _checked(engines: Iterable[str] | None) -> list[str]:
 
 def _family(
     model: str | Mechanism,
-    parameters: TrebuchetParameters | None,
+    parameters: Spec | None,
     count: int,
     asked: Asked,
     trials: Callable[[Mechanism], Trials],
@@ -134,10 +135,11 @@ def _family(
     return _Family(tuple(places), tuple(rows), varied, _words(model, parameters))
 
 
-def _words(model: str | Mechanism, parameters: TrebuchetParameters | None) -> tuple[str, ...]:
+def _words(model: str | Mechanism, parameters: Spec | None) -> tuple[str, ...]:
     if isinstance(model, Mechanism):
         return ("--model", f"{model.name}.json")
-    base, own = TrebuchetParameters().model_dump(), (parameters or TrebuchetParameters()).model_dump()
+    defaults = parameters_type(model)()
+    base, own = defaults.model_dump(), (parameters or defaults).model_dump()
     changed = (f"{name}={value!r}" for name, value in own.items() if value != base[name])
     return ("--model", model, *(word for text in changed for word in ("--set", text)))
 

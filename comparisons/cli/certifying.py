@@ -35,11 +35,11 @@ def certify_command(
     from ...models.files import refuse_unwritable, write_text
     from ..terminal import console
 
-    parameters = options.parameters(assignments, beam)
-    machines = options.machines(models, parameters)
+    chosen = options.parameters(assignments, beam)
+    machines = options.machines(models, chosen)
     refuse_unwritable(out)
     for name, mechanism in zip(options.names(models, "--models"), machines, strict=True):
-        certificate = _with_progress(mechanism, parameters, _command(name, assignments, beam))
+        certificate = _with_progress(mechanism, chosen.whipper(name), _command(name, assignments, beam))
         write_text(out / f"{mechanism.name}.json", certificate.to_json() + "\n")
         print_certificate(certificate)
         console().print(f"Certificate: {out / f'{mechanism.name}.json'}\n", soft_wrap=True)

@@ -11,7 +11,7 @@ from . import options
 
 app = typer.Typer(help="The machines: list them, show one as JSON, export its MJCF.", no_args_is_help=True)
 
-_Name = Annotated[str, typer.Argument(help="fixed, rolling, or a mechanism's .json file")]
+_Name = Annotated[str, typer.Argument(help=options.MACHINES)]
 
 
 @app.command("list")

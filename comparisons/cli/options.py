@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,14 +11,15 @@ import typer
 if TYPE_CHECKING:
     from ...models.mechanism import Mechanism
     from ...models.parameters import TrebuchetParameters
+    from ...models.spec import Spec
+
+MACHINES = "fixed, rolling, catapult, hinged, floating-arm, or a mechanism's .json file"
 
 Models = Annotated[
     str,
-    typer.Option("--models", "--model", help="Machines, comma-separated: fixed, rolling, or a mechanism's .json file."),
+    typer.Option("--models", "--model", help=f"Machines, comma-separated: {MACHINES}."),
 ]
-Model = Annotated[
-    str, typer.Option("--model", "--models", help="Machine: fixed, rolling, or a mechanism's .json file.")
-]
+Model = Annotated[str, typer.Option("--model", "--models", help=f"Machine: {MACHINES}.")]
 Engines = Annotated[str, typer.Option("--engines", "--engine", help="Engines, comma-separated; all by default.")]
 Preset = Annotated[str, typer.Option("--preset", "--presets", help="tuned, stock, or both: tuned,stock.")]
 Timestep = Annotated[float | None, typer.Option("--timestep", help="Step of every engine (s); else the preset's own.")]
@@ -70,26 +72,60 @@ def assignments(texts: list[str] | None, option: str) -> dict[str, str]:
     return found
 
 
-def parameters(texts: list[str] | None, beam: float | None) -> TrebuchetParameters | None:
-    """Parameters from --set and --beam; None where neither was given.
+@dataclass(frozen=True)
+class Chosen:
+    """What --set and --beam say, before it is known of which machine."""
+
+    numbers: dict[str, float]
+    beam: float | None
+
+    def __bool__(self) -> bool:
+        return bool(self.numbers) or self.beam is not None
+
+    def of(self, name: str) -> Spec | None:
+        """Parameters of a named machine; None where nothing was chosen.
+
+        Raises:
+            InputError: the machine, or one of the names, is unknown, or a value is not valid.
+        """
+        from ...models.errors import InputError
+        from ...models.registry import parameters_type
+
+        kind = parameters_type(name)
+        known = list(kind.model_fields)
+        for given in self.numbers:
+            if given not in known:
+                raise InputError(f"--set {given}: there is no such parameter; there are: {', '.join(known)} (of {name}).")
+        if not self:
+            return None
+        return kind(**(self.numbers | self._short_end(kind)))
+
+    def whipper(self, name: str) -> TrebuchetParameters | None:
+        """The same for a machine of the paper; None, too, for any other."""
+        from ...models.parameters import TrebuchetParameters
+        from ...models.registry import models
+
+        found = self.of(name) if name in models() else None
+        return found if isinstance(found, TrebuchetParameters) else None
+
+    def _short_end(self, kind: type[Spec]) -> dict[str, float]:
+        from ...models.errors import InputError
+        from ...models.parameters import short_end
+
+        if self.beam is None:
+            return {}
+        if "l2" in self.numbers:
+            raise InputError("--beam chooses l2 itself; leave out --set l2, or --beam.")
+        return {"l2": short_end(self.numbers.get("l1", kind.model_fields["l1"].default), self.beam)}
+
+
+def parameters(texts: list[str] | None, beam: float | None) -> Chosen:
+    """Parameters from --set and --beam.
 
     Raises:
-        InputError: a name is unknown or a value not valid.
+        InputError: a value is not a number.
     """
-    from ...models.errors import InputError
-    from ...models.parameters import TrebuchetParameters
-
-    given = assignments(texts, "--set")
-    known = list(TrebuchetParameters.model_fields)
-    for name in given:
-        if name not in known:
-            raise InputError(f"--set {name}: there is no such parameter; there are: {', '.join(known)}.")
-    numbers = {name: _number(name, value) for name, value in given.items()}
-    if beam is None:
-        return TrebuchetParameters(**numbers) if numbers else None
-    if "l2" in numbers:
-        raise InputError("--beam chooses l2 itself; leave out --set l2, or --beam.")
-    return TrebuchetParameters.with_beam(numbers.pop("l1", 10.0), beam, **numbers)
+    return Chosen({name: _number(name, value) for name, value in assignments(texts, "--set").items()}, beam)
 
 
 def _number(name: str, text: str) -> float:
@@ -101,7 +137,7 @@ def _number(name: str, text: str) -> float:
         raise InputError(f"--set {name} = {text!r} is not a number.") from None
 
 
-def machines(text: str, chosen: TrebuchetParameters | None) -> list[Mechanism]:
+def machines(text: str, chosen: Chosen) -> list[Mechanism]:
     """Mechanisms by name or from files.
 
     Raises:
@@ -113,9 +149,9 @@ def machines(text: str, chosen: TrebuchetParameters | None) -> list[Mechanism]:
 
     found: list[Mechanism] = []
     for name in names(text, "--models"):
-        if name.endswith(".json") and chosen is not None:
+        if name.endswith(".json") and chosen:
             raise InputError(f"--set and --beam are for named machines; {name} holds its own values.")
-        found.append(Mechanism.load(Path(name)) if name.endswith(".json") else model(name, chosen))
+        found.append(Mechanism.load(Path(name)) if name.endswith(".json") else model(name, chosen.of(name)))
     return found
 
 

@@ -62,17 +62,18 @@ def recommend_command(
     if position is None and torque is None and release is None:
         raise InputError("nothing is asked; give at least one of --position, --torque and --release.")
     asked = Asked(position=position, release=release, **(read_torque(torque) if torque is not None else {}))
-    parameters = options.parameters(assignments, beam)
-    machines = options.machines(model, parameters)
+    choice = options.parameters(assignments, beam)
+    machines = options.machines(model, choice)
     if len(machines) != 1:
         raise InputError(f"--model {model!r} names {len(machines)} machines; `recommend` takes one.")
     chosen = options.names(engines, "--engines") if engines else None
     refuse_unwritable(out)
+    own = model.strip().endswith(".json")
     advice = _with_progress(
-        machines[0] if model.strip().endswith(".json") else model.strip(),
+        machines[0] if own else model.strip(),
         asked,
         engines=chosen,
-        parameters=parameters,
+        parameters=None if own else choice.of(model.strip()),
         neighbours=neighbours,
         folder=out / "trials",
         resume=resume,

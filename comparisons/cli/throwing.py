@@ -72,10 +72,10 @@ def throw_command(
     from ..terminal import console
     from ..throw_report import print_throw, throw_html
 
-    parameters = options.parameters(assignments, beam)
-    mechanism = _machine(model, parameters, assignments, body)
+    chosen = options.parameters(assignments, beam)
+    mechanism = _machine(model, chosen, assignments, body)
     if sensitivities:
-        _refuse_a_file(model)
+        _refuse_another_machine(model)
     refuse_unwritable(out)
     release = {
         "release_angle": None if release_angle is None else math.radians(release_angle),
@@ -83,7 +83,7 @@ def throw_command(
         "sling_angle": None if sling_angle is None else math.radians(sling_angle),
     }
     performance = perform(mechanism, release, best=best, density=density, drag_area=drag_area, body=body, height=height)
-    rows = _sensitivities(model, parameters, performance.throw.gravity) if sensitivities else ()
+    rows = _sensitivities(model, chosen.whipper(model.strip()), performance.throw.gravity) if sensitivities else ()
     throw = performance.throw.model_copy(update={"sensitivities": rows})
     page = throw_html(performance, throw)
     write_text(out / "throw.json", throw.to_json())
@@ -93,11 +93,11 @@ def throw_command(
 
 
 def _machine(
-    model: str, parameters: TrebuchetParameters | None, assigned: list[str] | None, body: str | None
+    model: str, chosen: options.Chosen, assigned: list[str] | None, body: str | None
 ) -> Mechanism:
     from ...models.errors import InputError
 
-    mechanisms = options.machines(model, parameters)
+    mechanisms = options.machines(model, chosen)
     if len(mechanisms) != 1:
         raise InputError(f"--model {model!r} names {len(mechanisms)} machines; `throw` takes one.")
     if body is not None and "g" in options.assignments(assigned, "--set"):
@@ -105,12 +105,13 @@ def _machine(
     return mechanisms[0]
 
 
-def _refuse_a_file(model: str) -> None:
+def _refuse_another_machine(model: str) -> None:
     from ...models.errors import InputError
 
-    if model.strip().endswith(".json"):
+    if model.strip() not in ("fixed", "rolling"):
         raise InputError(
-            f"--sensitivities differentiates by a named machine's parameters; {model} has none: use fixed or rolling."
+            f"--sensitivities differentiates by a named machine's parameters, the whipper's; {model} has others or none: "
+            "use fixed or rolling."
         )
 
 
