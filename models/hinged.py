@@ -10,10 +10,10 @@ import math
 
 from pydantic import Field
 
-from .mechanism import GROUND, Body, Marker, Mechanism, PinJoint, PointStop, Stop
+from .mechanism import GROUND, Body, Marker, Mechanism, PinJoint, PointStop
 from .parameters import Angle
 from .spec import Positive, Spec
-from .trebuchet import ARM_STOP, COUNTERWEIGHT, FULCRUM, HANGER_PIN, PROJECTILE, SLING_PIN
+from .trebuchet import COUNTERWEIGHT, FULCRUM, HANGER_PIN, PROJECTILE, SLING_PIN
 
 TROUGH = "trough"
 
@@ -21,7 +21,7 @@ TROUGH = "trough"
 class HingedParameters(Spec):
     """Lengths [m], masses [kg], gravity [m/s^2] and start angles [rad] of the classical trebuchet.
 
-    Masses and lengths are Table I's but for the hanger, which is short, as the counterweights of such machines were.
+    Masses and lengths are Table I's: the paper's machine, turned to where such machines started.
 
     Raises:
         InputError: a length, mass or gravity is not positive and finite, or an angle is not in range.
@@ -32,7 +32,7 @@ class HingedParameters(Spec):
     m_b: Positive = Field(default=60.0, description="projectile, a point mass [kg]")
     m_cw: Positive = Field(default=3000.0, description="counterweight, a point mass [kg]")
     m_a: Positive = Field(default=1000.0, description="throwing arm, a uniform rod [kg]")
-    h: Positive = Field(default=4.0, description="hanger length [m]")
+    h: Positive = Field(default=10.0, description="hanger length [m]")
     r: Positive = Field(default=6.0, description="sling length [m]")
     g: Positive = Field(default=9.81, description="gravity [m/s^2]")
     theta0: Angle = Field(default=3 * math.pi / 4, description="start angle of the throwing arm [rad]")
@@ -60,10 +60,7 @@ def hinged(parameters: HingedParameters | None = None) -> Mechanism:
             PinJoint(name=SLING_PIN, parent="arm", child="sling", parent_point=(p.l1, 0), child_point=(0, 0)),
             PinJoint(name=HANGER_PIN, parent="arm", child="hanger", parent_point=(-p.l2, 0), child_point=(0, 0)),
         ),
-        stops=(
-            PointStop(name=TROUGH, body="sling", point=(p.r, 0), normal=(0, 1), offset=floor, closed=True),
-            Stop(name=ARM_STOP, body="arm", sense=-1, limit=-2 * math.pi, closed=False),
-        ),
+        stops=(PointStop(name=TROUGH, body="sling", point=(p.r, 0), normal=(0, 1), offset=floor, closed=True),),
         markers=(
             Marker(name=PROJECTILE, body="sling", point=(p.r, 0)),
             Marker(name=COUNTERWEIGHT, body="hanger", point=(p.h, 0)),
