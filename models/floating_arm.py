@@ -55,13 +55,20 @@ def floating_arm(parameters: FloatingArmParameters | None = None) -> Mechanism:
         name="floating-arm",
         bodies=(_arm(p), sling),
         joints=(
-            SlotJoint(name=DROP, child="arm", parent_point=(0, 0), child_point=(-p.l2, 0), axis=(0, 1), coordinate="drop"),
+            SlotJoint(
+                name=DROP, child="arm", parent_point=(0, 0), child_point=(-p.l2, 0), axis=(0, 1), coordinate="drop"
+            ),
             PinJoint(name=SLING_PIN, parent="arm", child="sling", parent_point=(p.l1, 0), child_point=(0, 0)),
             SlotJoint(name=TRACK, child="arm", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0)),
         ),
         stops=(
             PointStop(
-                name=TROUGH, body="sling", point=(p.r, 0), normal=(0, 1), offset=tip[1] - p.r * math.sin(p.phi0), closed=True
+                name=TROUGH,
+                body="sling",
+                point=(p.r, 0),
+                normal=(0, 1),
+                offset=tip[1] - p.r * math.sin(p.phi0),
+                closed=True,
             ),
         ),
         markers=(

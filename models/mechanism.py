@@ -117,9 +117,7 @@ def _tag_of_stop(value: object) -> str:
 
 
 # Told apart by their fields: a `kind` would have changed the content, and so the hash, of every machine there is.
-AnyStop = Annotated[
-    Annotated[Stop, Tag("stop")] | Annotated[PointStop, Tag("point stop")], Discriminator(_tag_of_stop)
-]
+AnyStop = Annotated[Annotated[Stop, Tag("stop")] | Annotated[PointStop, Tag("point stop")], Discriminator(_tag_of_stop)]
 
 
 class Marker(Spec):

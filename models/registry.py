@@ -33,10 +33,14 @@ _MODELS = {
         catapult, CatapultParameters, "one rigid body: counterweight and projectile on one arm (paper, Sec. I)"
     ),
     "hinged": _Model(
-        hinged, HingedParameters, "hinged counterweight, classical orientation, sling from a trough (Denny, paper Ref. 1)"
+        hinged,
+        HingedParameters,
+        "hinged counterweight, classical orientation, sling from a trough (Denny, paper Ref. 1)",
     ),
     "floating-arm": _Model(
-        floating_arm, FloatingArmParameters, "counterweight in a vertical track, arm's wheel on a level one (paper, Sec. VI)"
+        floating_arm,
+        FloatingArmParameters,
+        "counterweight in a vertical track, arm's wheel on a level one (paper, Sec. VI)",
     ),
 }
 

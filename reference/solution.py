@@ -95,6 +95,10 @@ class Solution:
             needed[joint.child] = needed[joint.child] - loops[joint.name]
             if joint.parent in needed:
                 needed[joint.parent] = needed[joint.parent] + loops[joint.name]
+        for stop in mechanism.point_stops:
+            if stop.body in needed:
+                push = motion.stop_torques[stop.name][:, None] * np.array(stop.normal)
+                needed[stop.body] = needed[stop.body] - push
         tree = {
             joint.name: np.sum([needed[body.name] for body in mechanism.subtree(joint.child)], axis=0)
             for joint in mechanism.tree_joints

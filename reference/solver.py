@@ -43,15 +43,17 @@ def solve(problem: Problem, rtol: float = TOLERANCE, atol: float = TOLERANCE) ->
 def natural_time(mechanism: Mechanism) -> float:
     """The machine's own time scale, sqrt(reach / g) [s], reach being the sum of its links' lengths.
 
+    A link is as long as its farthest point that has a name or a mass: a balanced arm's centre is close to its pin.
+
     Raises:
         InputError: there is no gravity, and so no such scale.
     """
     if mechanism.gravity == 0:
         raise InputError("gravity = 0.0 of the mechanism: nothing would fall; it must be positive.")
-    reach = sum(
-        math.dist(joint.child_point, body.centre) + math.dist(joint.parent_point, (0, 0))
-        for body, joint in zip(mechanism.bodies, mechanism.tree_joints, strict=True)
-    )
+    reach = 0.0
+    for body, joint in zip(mechanism.bodies, mechanism.tree_joints, strict=True):
+        points = [body.centre, *(marker.point for marker in mechanism.markers if marker.body == body.name)]
+        reach += max(math.dist(joint.child_point, point) for point in points) + math.dist(joint.parent_point, (0, 0))
     return math.sqrt(max(reach, 1e-6) / mechanism.gravity)
 
 

@@ -95,7 +95,9 @@ class Chosen:
         known = list(kind.model_fields)
         for given in self.numbers:
             if given not in known:
-                raise InputError(f"--set {given}: there is no such parameter; there are: {', '.join(known)} (of {name}).")
+                raise InputError(
+                    f"--set {given}: there is no such parameter; there are: {', '.join(known)} (of {name})."
+                )
         if not self:
             return None
         return kind(**(self.numbers | self._short_end(kind)))

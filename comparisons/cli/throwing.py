@@ -92,9 +92,7 @@ def throw_command(
     console().print(f"\nPage: {out / 'throw.html'}   Data: {out / 'throw.json'}", soft_wrap=True)
 
 
-def _machine(
-    model: str, chosen: options.Chosen, assigned: list[str] | None, body: str | None
-) -> Mechanism:
+def _machine(model: str, chosen: options.Chosen, assigned: list[str] | None, body: str | None) -> Mechanism:
     from ...models.errors import InputError
 
     mechanisms = options.machines(model, chosen)
@@ -110,8 +108,8 @@ def _refuse_another_machine(model: str) -> None:
 
     if model.strip() not in ("fixed", "rolling"):
         raise InputError(
-            f"--sensitivities differentiates by a named machine's parameters, the whipper's; {model} has others or none: "
-            "use fixed or rolling."
+            f"--sensitivities differentiates by a named machine's parameters, the whipper's; {model} has others "
+            "or none: use fixed or rolling."
         )
 
 

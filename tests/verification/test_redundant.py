@@ -1,7 +1,5 @@
 """Redundant coordinates against minimal ones: two formulations, two event finders, one motion.
 
-pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
-
 Needs: release times to 1e-9 s, states up to the launch to 1e-9 (rad, m, rad/s, m/s), forces to 1e-9 relative.
 """
 
@@ -19,6 +17,7 @@ from trebucheck.reference.redundant import RedundantMotion, RedundantSystem, sol
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
+pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
 Build = Callable[[tb.TrebuchetParameters], tb.Mechanism]
 NEED, DRIFT = 1e-9, 1e-11
 
