@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -122,3 +123,16 @@ def test_what_cannot_be_is_refused() -> None:
     with pytest.raises(tb.InputError, match=r"stop 'wall' names the body 'roof'"):
         tb.Mechanism(**machine.model_dump() | {"stops": [wall]})
     assert tb.Mechanism.from_json(machine.to_json()) == machine
+
+
+@pytest.mark.skipif(find_spec("heyoka") is None, reason="heyoka, the Taylor integrator, is not installed here")
+@pytest.mark.parametrize("restitution", [0.0, 0.6])
+def test_taylor_meets_the_same_floor(restitution: float) -> None:
+    """The gap is an expression of its own there, found on the series."""
+    from trebucheck.reference.taylor import solve_taylor
+
+    problem = tb.Problem(bob_over_floor(1.0, restitution), duration=1.2, stop_law="unilateral")
+    expected, found = solve(problem), solve_taylor(problem)
+    assert [t for t, _ in found.impacts[:3]] == pytest.approx([t for t, _ in expected.impacts[:3]], abs=1e-11)
+    wall = tb.Problem(ladder(1.0, tilt=0.3), duration=1.0)
+    assert solve_taylor(wall).release_times["wall"] == pytest.approx(solve(wall).release_times["wall"], abs=1e-11)
