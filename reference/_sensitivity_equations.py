@@ -22,7 +22,7 @@ from functools import cached_property
 import numpy as np
 
 from ..models.arrays import ComplexArray, FloatArray
-from ..models.errors import InputError
+from ..models.errors import InputError, UnsupportedProblemError
 from ..models.mechanism import Mechanism
 from ._sensitivity_data import DataTangent, Direction, tangent_mechanism
 from .equations import Equations
@@ -45,9 +45,16 @@ class Tangent:
 
 
 class VariationalEquations(Equations):
-    """The equations of motion and their derivatives along directions of the mechanism's numbers."""
+    """The equations of motion and their derivatives along directions of the mechanism's numbers.
+
+    Raises:
+        UnsupportedProblemError: there is a stop on a point, whose gap's derivatives are not written here.
+    """
 
     def __init__(self, mechanism: Mechanism, directions: Sequence[Direction]) -> None:
+        if mechanism.point_stops:
+            names = ", ".join(stop.name for stop in mechanism.point_stops)
+            raise UnsupportedProblemError(f"sensitivities are derived for stops on angles only, not for {names}.")
         super().__init__(mechanism)
         self.tangents = [tangent_mechanism(mechanism, direction) for direction in directions]
         self._data = DataTangent.along(mechanism, self.tangents)

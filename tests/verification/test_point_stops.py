@@ -10,6 +10,7 @@ import pytest
 import trebucheck as tb
 from hypothesis import given
 from hypothesis import strategies as st
+from trebucheck.reference._sensitivity_equations import VariationalEquations
 from trebucheck.reference.redundant import solve_redundant
 from trebucheck.reference.solver import solve
 
@@ -136,3 +137,8 @@ def test_taylor_meets_the_same_floor(restitution: float) -> None:
     assert [t for t, _ in found.impacts[:3]] == pytest.approx([t for t, _ in expected.impacts[:3]], abs=1e-11)
     wall = tb.Problem(ladder(1.0, tilt=0.3), duration=1.0)
     assert solve_taylor(wall).release_times["wall"] == pytest.approx(solve(wall).release_times["wall"], abs=1e-11)
+
+
+def test_sensitivities_say_that_they_do_not_know_points() -> None:
+    with pytest.raises(tb.UnsupportedProblemError, match="stops on angles only, not for wall"):
+        VariationalEquations(ladder(1.0), [{"bodies.rod.mass": 1.0}])
