@@ -39,7 +39,7 @@ class Solved:
     joints: FloatArray
     """Multipliers of the joints' constraints [N]."""
     stops: FloatArray
-    """Multipliers of the closed stops [N m], in the order they were given; Exudyn's sign."""
+    """Multipliers of the closed stops [N m, N], in the order they were given; Exudyn's sign."""
 
 
 @contextmanager
@@ -93,13 +93,13 @@ class Matrices:
         """Row of a stop in G, shape (3 n_bodies,); a spring's is the force of a unit multiplier on it, but for sign."""
         self.system.set_closed((name,))
         if not self.system.springs:
-            return self._constraints()[0][self._stop_rows(name)][0]
+            return self._constraints()[0][self._stop_rows(name)[0]]
         self.system.preload(name, 0.0)
         unloaded = self.forces()
         # As large as the other forces, so that their rounding does not matter.
         size = float(np.abs(unloaded).max()) or 1.0
         self.system.preload(name, size)
-        return -self.system.mechanism.stop(name).sense * (self.forces() - unloaded) / size
+        return -self.system.sense(name) * (self.forces() - unloaded) / size
 
     def solve(self, coordinates: FloatArray, rates: FloatArray, closed: Closed) -> Solved:
         """Accelerations and multipliers at a state.
@@ -119,10 +119,10 @@ class Matrices:
         """Make Exudyn's outputs those of closed stops with these multipliers."""
         if self.system.springs:
             for name, multiplier in zip(closed, stops.tolist(), strict=True):
-                self.system.preload(name, self.system.mechanism.stop(name).sense * multiplier)
+                self.system.preload(name, self.system.sense(name) * multiplier)
             return
         multipliers = np.zeros(self.solver.GetAEsize())
-        multipliers[[row for name in closed for row in self._stop_rows(name)]] = stops
+        multipliers[[self._stop_rows(name)[0] for name in closed]] = stops
         self.system.main.systemData.SetAECoordinates(multipliers, exu.ConfigurationType.Current)
 
     def _gamma(self, coordinates: FloatArray, rates: FloatArray, closed: Closed) -> FloatArray:
@@ -151,6 +151,7 @@ class Matrices:
         return found[:, :n], np.diag(found[:, n:])
 
     def _stop_rows(self, name: str) -> list[int]:
+        """Equations of a stop's connector; the first is its gap's (a second one, of a wall, only keeps a zero)."""
         return list(self.system.main.systemData.GetObjectLTGAE(self.system.stops[name]))
 
 

@@ -10,39 +10,39 @@ import numpy as np
 from ..models.arrays import FloatArray
 from ..models.mechanism import SlotJoint
 from ..models.trajectory import PointMotion
-from ._exudyn_build import SensorKey, System
+from ._exudyn_build import SensorKey, System, turned
 from .protocol import Recording
 
 
 def recording(
-    system: System,
-    columns: Mapping[SensorKey, slice],
-    table: FloatArray,
+    reader: Reader,
+    torques: Mapping[str, FloatArray],
     releases: Mapping[str, float | None],
+    impacts: tuple[tuple[float, Mapping[str, float]], ...],
     steps: int,
 ) -> Recording:
     """Read a run out.
 
     Args:
-        system: what ran.
-        columns: of each sensor in the table; column 0 is the time [s].
-        table: all sensors at all times, shape (n, columns).
-        releases: when each stop opened [s].
+        reader: of all sensors at all times.
+        torques: of all stops [N m, N], each of shape (n,).
+        releases: when each stop first opened [s].
+        impacts: time [s] and impulses of the stops [N m s, N s] of each.
         steps: how many steps the solver took.
     """
-    reader = Reader(system, columns, table)
-    mechanism = system.mechanism
+    mechanism = reader.system.mechanism
     return Recording(
-        t=table[:, 0],
+        t=reader.table[:, 0],
         q=reader.coordinates(),
         u=reader.speeds(),
         markers={marker.name: reader.point("marker", marker.name) for marker in mechanism.markers},
         kinetic_energy=np.sum([reader.scalar("body", body.name, "KineticEnergy") for body in mechanism.bodies], axis=0),
         potential_energy=reader.potential_energy(),
-        stop_torques={stop.name: reader.torque(stop.name, releases[stop.name]) for stop in mechanism.stops},
+        stop_torques=torques,
         release_times=releases,
         joint_reactions={joint.name: reader.reaction(joint.name) for joint in mechanism.joints},
         joint_gaps={joint.name: reader.gap(joint.name) for joint in mechanism.joints},
+        impacts=impacts,
         steps=steps,
     )
 
@@ -55,13 +55,17 @@ class Reader:
     columns: Mapping[SensorKey, slice]
     table: FloatArray
 
+    def values(self, sensor: SensorKey) -> FloatArray:
+        """All components of a sensor, shape (n, components)."""
+        return self.table[:, self.columns[sensor]]
+
     def plane(self, kind: str, name: str, quantity: str) -> FloatArray:
         """The x and y of a sensor, shape (n, 2)."""
-        return self.table[:, self.columns[kind, name, quantity]][:, :2]
+        return self.values((kind, name, quantity))[:, :2]
 
     def scalar(self, kind: str, name: str, quantity: str, component: int = 0) -> FloatArray:
         """One component of a sensor, shape (n,)."""
-        return self.table[:, self.columns[kind, name, quantity]][:, component]
+        return self.values((kind, name, quantity))[:, component]
 
     def point(self, kind: str, name: str) -> PointMotion:
         """Motion of a point of a body."""
@@ -86,10 +90,10 @@ class Reader:
         return mechanism.gravity * np.array([body.mass for body in mechanism.bodies]) @ np.array(heights)
 
     def torque(self, stop: str, release: float | None) -> FloatArray:
-        """Torque of a stop [N m], shape (n,); from its release on, 0."""
+        """Torque (or force) of a stop [N m, N], shape (n,); from its release on, 0."""
         if stop not in self.system.stops:
             return np.zeros(len(self.table))
-        torque = self.system.mechanism.stop(stop).sense * self.scalar("stop", stop, "Force")
+        torque = self.system.torques(stop, self.values)
         return torque if release is None else np.where(self.table[:, 0] < release, torque, 0.0)
 
     def reaction(self, name: str) -> FloatArray:
@@ -98,9 +102,7 @@ class Reader:
         if not isinstance(joint, SlotJoint):
             return self.plane("joint", name, "Force")
         rotation = self.scalar("body", joint.child, "CoordinatesTotal", 2)
-        local = self.plane("joint", name, "ForceLocal")
-        turned = (local[:, 0] + 1j * local[:, 1]) * np.exp(1j * rotation)
-        return np.stack([turned.real, turned.imag], axis=-1)
+        return turned(self.plane("joint", name, "ForceLocal"), rotation)
 
     def gap(self, name: str) -> FloatArray:
         """How far the points of a joint, or the point and the slot's line, stand apart [m], shape (n,)."""

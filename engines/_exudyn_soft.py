@@ -6,12 +6,14 @@ import math
 
 import numpy as np
 
+from ..models.arrays import FloatArray
 from ..models.errors import InputError
+from ..models.mechanism import Stop
 from ._exudyn_build import Spring
 from ._exudyn_matrices import Closed, Matrices, matrices, solve_constrained
 from ._exudyn_solver import Solver, State
 
-_ROUNDING = 1e-15  # [rad] of the difference of two angles of some radians
+_ROUNDING = 1e-15  # [rad] of the difference of two angles of some radians; [m per m] of a point's place
 _DIGITS = 1e-4  # of the largest torque, that are to stand above the rounding
 
 
@@ -25,15 +27,19 @@ def springs(solver: Solver, state: State, closed: Closed, stiffness: float, damp
         solver: of the same mechanism with its stops as constraints.
         state: the start.
         closed: stops that push there.
-        stiffness: of each spring [N m/rad].
+        stiffness: of each spring [N m/rad, or N/m on a point].
         damping_ratio: of each spring, with the inertia that the stop holds at the start; 1 is critical.
 
     Raises:
-        InputError: so stiff a spring would turn the rounding of its angles into torques that matter.
+        InputError: so stiff a spring would turn the rounding of angles or places into forces that matter.
     """
     row = solver.balance(state, closed).row
     torques = {name: solver.torque(row, name) for name in closed}
-    _refuse_noise(stiffness, max(torques.values()))
+    of_angles = [name for name in closed if isinstance(solver.system.mechanism.stop(name), Stop)]
+    _refuse_noise_of_angles(stiffness, max((torques[name] for name in of_angles), default=0.0))
+    for name in closed:
+        if name not in of_angles:
+            _refuse_noise_of_place(stiffness, torques[name], row[solver.columns["stop", name, "Position"]])
     with matrices(solver.system) as here:
         here.set(state.coordinates, state.rates)
         inertias = {name: _inertia(here, name) for name in closed}
@@ -43,7 +49,7 @@ def springs(solver: Solver, state: State, closed: Closed, stiffness: float, damp
     }
 
 
-def _refuse_noise(stiffness: float, torque: float) -> None:
+def _refuse_noise_of_angles(stiffness: float, torque: float) -> None:
     most = _DIGITS * torque / _ROUNDING
     if 0 < most < stiffness:
         raise InputError(
@@ -52,8 +58,18 @@ def _refuse_noise(stiffness: float, torque: float) -> None:
         )
 
 
+def _refuse_noise_of_place(stiffness: float, force: float, place: FloatArray) -> None:
+    rounding = _ROUNDING * max(1.0, float(np.abs(place).max()))
+    most = _DIGITS * force / rounding
+    if 0 < most < stiffness:
+        raise InputError(
+            f"stop_stiffness = {stiffness:g} N/m would turn the rounding of a point's place into a force of "
+            f"{stiffness * rounding:.2g} N, of {force:.3g} N in its stop; at most {most:.2g} is resolved."
+        )
+
+
 def _inertia(here: Matrices, stop: str) -> float:
-    """Torque on a stop's gap that opens it at 1 rad/s^2, the other stops open [kg m^2]."""
+    """Torque (or force) on a stop's gap that opens it at 1 rad/s^2 (or 1 m/s^2), the others open [kg m^2, kg]."""
     joints, row = here.jacobian(()), here.stop_row(stop)
     opened, _ = solve_constrained(here.mass(), joints, row, np.zeros(len(joints)))
     return 1.0 / float(row @ opened)

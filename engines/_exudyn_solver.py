@@ -81,8 +81,8 @@ class Solver:
         return np.concatenate([[time], *(self._values(number) for number in self.system.sensors.values())])
 
     def torque(self, row: FloatArray, stop: str) -> float:
-        """Torque of a closed stop in a row of a table [N m]."""
-        return self.system.mechanism.stop(stop).sense * float(row[self.columns["stop", stop, "Force"]][0])
+        """Torque (or force) of a closed stop in a row of a table [N m, N]."""
+        return float(self.system.torques(stop, lambda sensor: row[None, self.columns[sensor]])[0])
 
     def balance(self, state: State, closed: Closed) -> Balance:
         """Sensors and accelerations at a state, under the joints and the closed stops.

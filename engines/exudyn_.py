@@ -21,6 +21,9 @@ class ExudynEngine(BuiltinEngine):
 
     The step is shortened a little, so that a whole number of equal steps fits between the start or a release
     and the end: a short last step would be a source of noise in the multipliers.
+
+    Under the unilateral law an open stop's gap is looked at after every step; where it fell below zero the run steps
+    onto the zero, in either preset, and the speeds jump by Newton's law. A touch within one step is not seen.
     """
 
     name: ClassVar[str] = "exudyn"
@@ -29,8 +32,9 @@ class ExudynEngine(BuiltinEngine):
         joint_reactions=True,
         joint_gaps=True,
         located_releases=True,
-        stop_laws=frozenset({StopLaw.RELEASE_ONCE}),
-        formulation="redundant Cartesian coordinates, joints and stops by Lagrange multipliers, implicit integrator",
+        stop_laws=frozenset(StopLaw),
+        formulation="redundant Cartesian coordinates, joints and stops by Lagrange multipliers, implicit integrator; "
+        "impacts located inside a step and solved in the metric of its mass matrix",
     )
     # Exudyn's own defaults: generalized-alpha on the positions' constraints, modified Newton, adaptive step. Its
     # default step is 0.01 s, its tutorials take 1e-3 s. A newcomer switches a connector off after a step.
@@ -60,7 +64,8 @@ class ExudynEngine(BuiltinEngine):
     adaptive_step: bool = Field(default=False, description="shorten a step whose iteration fails, instead of an error")
     located_releases: bool = Field(default=True, description="step onto a release, instead of opening at a step's end")
     stop_stiffness: Positive | None = Field(
-        default=None, description="closed stops are springs [N m/rad], in balance at the start; none: constraints"
+        default=None,
+        description="closed stops are springs [N m/rad, or N/m on a point], in balance at the start; none: constraints",
     )
     # Undamped, a spring rings on after each kink of its torque, and lets go too early or late: the trapezoidal rule
     # damps nothing. At 0.1 ringing halves in each period, and the damper's lag is a tenth of a critical one's.

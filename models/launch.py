@@ -54,7 +54,13 @@ def launch_interval(velocity: FloatArray, angle: float = LAUNCH_ANGLE) -> int | 
 
 def launch_on(velocity_at: Callable[[float], FloatArray], t0: float, t1: float, angle: float = LAUNCH_ANGLE) -> Launch:
     """Root of :func:`lead` between t0 and t1 on a continuous velocity [m/s]."""
-    time = float(brentq(lambda t: float(lead(velocity_at(t), angle)), t0, t1, xtol=1e-15, rtol=1e-15))
+
+    def across(t: float) -> float:
+        return float(lead(velocity_at(t), angle))
+
+    # An end that is the launch itself may be evaluated a rounding beside where its interval was found.
+    ends = [t for t, sign in ((t0, 1.0), (t1, -1.0)) if sign * across(t) <= 0]
+    time = ends[0] if ends else float(brentq(across, t0, t1, xtol=1e-15, rtol=1e-15))
     vx, vy = (float(v) for v in velocity_at(time))
     return Launch(time, math.hypot(vx, vy), (vx, vy))
 
