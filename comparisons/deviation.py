@@ -62,13 +62,14 @@ class Measured:
     wall_times: tuple[float, ...]
 
 
-def deviation(trajectory: Trajectory, solution: Solution, end: float) -> Deviation:
+def deviation(trajectory: Trajectory, solution: Solution, end: float, reference: Trajectory | None = None) -> Deviation:
     """Set a trajectory beside the reference, at its own times, and carry the difference to the common grid.
 
     Args:
         end: end of the compared motion [s]; the trajectory should go on a little beyond it.
+        reference: at the trajectory's times, where it is known already.
     """
-    reference = solution.trajectory(trajectory.t)
+    reference = reference or solution.trajectory(trajectory.t)
     grid = np.linspace(0.0, end, GRID + 1)
     apart = trajectory.marker(PROJECTILE).position - reference.marker(PROJECTILE).position
     closed = [stop.name for stop in trajectory.mechanism.stops if stop.closed]
@@ -79,7 +80,7 @@ def deviation(trajectory: Trajectory, solution: Solution, end: float) -> Deviati
     }
     start = float(reference.total_energy[0])
     launch, expected = trajectory.launch(), solution.launch
-    metrics = {m.label: m.value for m in measure(trajectory, solution, end) if m.value is not None}
+    metrics = {m.label: m.value for m in measure(trajectory, solution, end, reference) if m.value is not None}
     return Deviation(
         end=end,
         position=tuple(tuple(row) for row in _carried(trajectory.t, apart, grid).T.tolist()),

@@ -42,19 +42,26 @@ class Comparison:
         return np.abs(difference) if difference.ndim == 1 else np.linalg.norm(difference, axis=-1)
 
 
-def against(trajectory: Trajectory, solution: Solution, end: float) -> Comparison:
-    """Set a trajectory beside the reference, from the start to `end` [s]."""
-    reference = solution.trajectory(trajectory.t)
+def against(trajectory: Trajectory, solution: Solution, end: float, reference: Trajectory | None = None) -> Comparison:
+    """Set a trajectory beside the reference, from the start to `end` [s].
+
+    Args:
+        reference: at the trajectory's times, where it is known already.
+    """
+    reference = reference or solution.trajectory(trajectory.t)
     return Comparison(trajectory, reference, solution, end, trajectory.t <= end)
 
 
-def measure(trajectory: Trajectory, solution: Solution, end: float) -> tuple[Metric, ...]:
+def measure(
+    trajectory: Trajectory, solution: Solution, end: float, reference: Trajectory | None = None
+) -> tuple[Metric, ...]:
     """Every metric the trajectory's content allows.
 
     Args:
         end: end of the compared motion, the reference's launch by default of the suite [s].
+        reference: at the trajectory's times, where it is known already.
     """
-    c = against(trajectory, solution, end)
+    c = against(trajectory, solution, end, reference)
     return tuple(
         metric
         for part in (_positions, _coordinates, _launch, _releases, _torques, _reactions, _energy, _constraints)
@@ -153,7 +160,7 @@ def _reactions(c: Comparison) -> Iterator[Metric]:
 
 
 def _energy(c: Comparison) -> Iterator[Metric]:
-    start = float(c.solution.trajectory(np.zeros(1)).total_energy[0])
+    start = float(c.reference.total_energy[0])  # every trajectory begins at t = 0
     drift = float(np.abs(c.trajectory.total_energy[c.keep] - start).max())
     if start != 0:
         yield Metric(name="energy_drift", value=drift / abs(start), unit="1")

@@ -10,24 +10,33 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field, JsonValue
 
 from ..engines.protocol import Engine
 from ..engines.registry import engine_class
+from ..models.arrays import FloatArray
 from ..models.errors import InputError, TrebucheckError
 from ..models.files import write_text
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
 from ..models.spec import Real, Spec
+from ..models.trajectory import Trajectory
 from ..reference.solution import Solution
 from ..reference.solver import solve_to_launch
 from .deviation import Deviation, deviation
 from .isolation import Worker, simulate_warm
 
 _TAIL_STEPS, _TAIL = 20, 0.02  # an engine runs on past the reference's launch, so that its own can be found
+_TIMED_FOR = 0.5  # [s] a longer run averages over what disturbs it, and one run of it is timing enough
+# Grids whose reference is kept: runs of one step and engine share theirs. The longest takes some 10 MB; longer ones
+# belong to runs beside which the reference is cheap.
+_GRIDS, _LONGEST_GRID = 3, 30_000
 _NO_CURVES: dict[str, object] = {"position": ((), ()), "torques": {}, "energy": ()}
 
 
@@ -113,29 +122,31 @@ class Trials:
         self._worker = worker or Worker(timeout)
         self._simulate = self._worker.simulate if isolate else simulate_warm
         self._known: dict[str, Trial] = {}
+        self._at = lru_cache(_GRIDS)(self._evaluated)
 
     def trial(self, engine: Engine, repeats: int = 1, of: Mechanism | None = None) -> Trial:
-        """An engine's trial, made if it is not known yet (or known with fewer repeats).
+        """An engine's trial, made if it is not known yet (or timed less often than asked for).
 
         Args:
             engine: with its options.
-            repeats: how often it is timed.
+            repeats: how often it is timed; less often where its runs are long.
             of: what the engine is given instead of the machine, which it is still compared with: a slightly wrong
                 machine shows what that wrongness does.
         """
         given = of or self.mechanism
         key = _key(engine, given, self.mechanism)
-        known = self._known.get(key) or (self._kept(key) if self._resume else None)
-        if known is None or (known.message is None and len(known.wall_times) < repeats):
+        found = known = self._known.get(key) or (self._kept(key) if self._resume else None)
+        if found is None:
             if self._progress:
                 self._progress(f"{engine.name} {_short(settings_of(engine))}")
-            known = self._made(engine, given, repeats)
-            if self._folder:
-                write_text(self._folder / f"{key}.json", known.model_dump_json())
-        self._known[key] = known
-        return known
+            found = self._made(engine, given)
+        found = self._timed(found, engine, given, repeats)
+        if self._folder and found is not known:
+            write_text(self._folder / f"{key}.json", found.model_dump_json())
+        self._known[key] = found
+        return found
 
-    def _made(self, engine: Engine, given: Mechanism, repeats: int) -> Trial:
+    def _made(self, engine: Engine, given: Mechanism) -> Trial:
         settings = settings_of(engine)
         base = Trial(
             engine=engine.name,
@@ -144,19 +155,38 @@ class Trials:
             settings=settings,
             mechanism_hash=given.content_hash,
         )
-        step = settings.get("timestep")
-        tail = max(_TAIL, _TAIL_STEPS * step) if isinstance(step, float) else _TAIL
-        problem = Problem(given, duration=min(self.end + tail, self.solution.problem.duration))
         try:
-            runs = [self._simulate(engine, problem) for _ in range(repeats)]
-            found = deviation(runs[0], self.solution, self.end)
+            run = self._simulate(engine, self._problem(engine, given))
+            found = deviation(run, self.solution, self.end, self._reference(run.t))
             found = found if self._curves else found.model_copy(update=_NO_CURVES)
         except TrebucheckError as error:
             return base.model_copy(update={"message": str(error)})
         except Exception as error:  # a plug-in may raise anything; a study must survive it
             return base.model_copy(update={"message": f"{type(error).__name__}: {error}"})
-        walls = tuple(run.provenance.wall_time for run in runs)
-        return base.model_copy(update={"deviation": found, "steps": runs[0].provenance.steps, "wall_times": walls})
+        took = run.provenance
+        return base.model_copy(update={"deviation": found, "steps": took.steps, "wall_times": (took.wall_time,)})
+
+    def _timed(self, trial: Trial, engine: Engine, given: Mechanism, repeats: int) -> Trial:
+        """The same trial, timed as often as asked for or for as long as is enough."""
+        if trial.message is not None:
+            return trial
+        walls = list(trial.wall_times)
+        with suppress(Exception):  # it did run: that a repeat fails costs a time, not the trial
+            while len(walls) < repeats and sum(walls) < _TIMED_FOR:
+                walls.append(self._simulate(engine, self._problem(engine, given)).provenance.wall_time)
+        return trial if len(walls) == len(trial.wall_times) else trial.model_copy(update={"wall_times": tuple(walls)})
+
+    def _problem(self, engine: Engine, given: Mechanism) -> Problem:
+        step = settings_of(engine).get("timestep")
+        tail = max(_TAIL, _TAIL_STEPS * step) if isinstance(step, float) else _TAIL
+        return Problem(given, duration=min(self.end + tail, self.solution.problem.duration))
+
+    def _reference(self, t: FloatArray) -> Trajectory:
+        """The reference at these times [s], shape (n,)."""
+        return self.solution.trajectory(t) if len(t) > _LONGEST_GRID else self._at(t.tobytes())
+
+    def _evaluated(self, times: bytes) -> Trajectory:
+        return self.solution.trajectory(np.frombuffer(times))
 
     def _kept(self, key: str) -> Trial | None:
         if self._folder is None:

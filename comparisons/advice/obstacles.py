@@ -93,9 +93,11 @@ def explain(follower: Follower, courses: Sequence[Course]) -> Verdict:
     found = place.errors(rung.trials[rung.hardest])
     # The quantity that is furthest off; two of them have two causes, but the first must go before the second shows.
     name = max(place.allowed, key=lambda name: found[name] / place.allowed[name])
-    verdict = classify(steps, [error[name] for error in errors], place.allowed[name], UNITS[name])
-    return Verdict(verdict.obstacle, f"{_reached(course, place, name, found[name], rung.step, rung.hardest)}; "
-                   f"{verdict.sentence}.")  # fmt: skip
+    along = [error[name] for error in errors]
+    verdict = classify(steps, along, place.allowed[name], UNITS[name])
+    least, step = min([(found[name], rung.step), *zip(along, steps, strict=True)])
+    reached = _reached(course, place, name, least, step, rung.hardest)
+    return Verdict(verdict.obstacle, f"{reached}; {verdict.sentence}.")
 
 
 def _reached(course: Course, place: Place, name: str, error: float, step: float, index: int) -> str:

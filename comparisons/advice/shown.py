@@ -41,7 +41,8 @@ def _print_choice(choice: Choice, advice: Advice, to: Console) -> None:
     to.print(f"  this machine:    {_errors(choice.here)}", soft_wrap=True)
     if choice.worst_neighbour is not None:
         to.print(f"  worst neighbour: {_errors(choice.worst_neighbour)}", soft_wrap=True)
-    to.print(f"  wall time {choice.wall_time:.3f} s (median of {len(choice.wall_times)}, warm, this machine)")
+    runs = len(choice.wall_times)
+    to.print(f"  wall time {choice.wall_time:.3f} s ({f'median of {runs}' if runs > 1 else 'one run'}, warm, here)")
 
 
 def _errors(errors: Errors) -> str:

@@ -10,7 +10,8 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from ..plots import finish
-from .results import PowerLaw, QuantityName, Study
+from .results import QuantityName, Study
+from .shown import exponent
 
 _TITLES: dict[QuantityName, str] = {"position": "position [m]", "torque": "stop torque [N m]"}
 _MARKS = {"tuned": "circle", "stock": "square-open"}
@@ -27,10 +28,11 @@ def run_style(engine: str, preset: str) -> dict[str, Any]:
 def convergence(studies: Sequence[Study]) -> go.Figure:
     """Error against the time step, position and torque, with the fitted lines and their slopes."""
     figure = _pair()
-    for study in studies:
+    for k, study in enumerate(studies, start=1):
         for column, quantity in enumerate(_TITLES, start=1):
             _points(figure, study, quantity, column, name=study.label)
-            _line(figure, study, quantity, column)
+            # Lines may all but cover each other; their slopes, each at another place, do not.
+            _line(figure, study, quantity, column, at=k / (len(studies) + 1))
     figure.update_xaxes(title="time step [s]")
     return _finished(figure, 520)
 
@@ -99,7 +101,8 @@ def _points(
     )  # fmt: skip
 
 
-def _line(figure: go.Figure, study: Study, quantity: QuantityName, column: int) -> None:
+def _line(figure: go.Figure, study: Study, quantity: QuantityName, column: int, at: float = 0.5) -> None:
+    """A law, with its exponent at that share of its range."""
     law = study.curve(quantity).law
     if law is None:
         return
@@ -108,12 +111,8 @@ def _line(figure: go.Figure, study: Study, quantity: QuantityName, column: int) 
         x=x, y=[law.at(value) for value in x], mode="lines", line=run_style(study.engine, study.preset),
         name=f"slope {law.exponent:.3f}", showlegend=False, row=1, col=column,
     )  # fmt: skip
-    middle = float(np.sqrt(law.low * law.high))
+    place = law.low ** (1 - at) * law.high**at
     figure.add_annotation(
-        x=np.log10(middle), y=np.log10(law.at(middle)), text=_said(law), showarrow=False, xanchor="right", yshift=9,
+        x=np.log10(place), y=np.log10(law.at(place)), text=exponent(law), showarrow=False, xanchor="right", yshift=9,
         row=1, col=column, font={"size": 12, "color": run_style(study.engine, study.preset)["color"]},
     )  # fmt: skip
-
-
-def _said(law: PowerLaw) -> str:
-    return f"{law.exponent:.2f} ± {law.half_width:.2f}"

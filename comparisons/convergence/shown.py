@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..summary import figure
 from .results import Curve, Limit, LimitPair, MachineStudies, Point, PowerLaw, Studies, Study
 
 
@@ -12,13 +13,13 @@ def exponent(law: PowerLaw | None) -> str:
 
 def span(law: PowerLaw | None) -> str:
     """The range a law was seen over."""
-    return "" if law is None else f"{law.high:.1e} to {law.low:.1e}"
+    return "" if law is None else f"{figure(law.high)} to {figure(law.low)}"
 
 
 def floor(curve: Curve) -> str:
     """A floor's error, or that there is none."""
     if curve.floor is not None:
-        return f"{curve.floor.error:.1e} {curve.unit}"
+        return f"{figure(curve.floor.error)} {curve.unit}"
     return "not reached"
 
 
@@ -29,7 +30,7 @@ def cause(curve: Curve) -> str:
 
 def distance(limit: Limit | None) -> str:
     """A limit's distance from the reference [m]."""
-    return "none" if limit is None else f"{limit.position:.1e}"
+    return "none" if limit is None else figure(limit.position)
 
 
 def is_of_the_step(study: Study) -> bool:

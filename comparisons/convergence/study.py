@@ -147,7 +147,7 @@ class _Machine:
         points: list[Point] = []
         for value in values:
             self.tick(f"{self.trials.mechanism.name}: {name} {knob.preset} {knob.name}")
-            trial, message = self.tried(name, knob, knob.options(value))
+            trial, message = self.tried(name, knob, value)
             trials.append(trial)
             points.append(_point(value, knob, trial, message, without))
         study = Study(
@@ -176,10 +176,10 @@ class _Machine:
         made = engine(name, knob.preset, **{**knob.base, **options})
         return self.trials.trial(made, repeats)
 
-    def tried(self, name: str, knob: Knob, options: Any) -> tuple[Trial | None, str | None]:
+    def tried(self, name: str, knob: Knob, value: float) -> tuple[Trial | None, str | None]:
         """A trial, or why there is none."""
         try:
-            trial = self.trial(name, knob, options, knob.repeats)
+            trial = self.trial(name, knob, knob.options(value), knob.repeats)
         except InputError as error:
             return None, str(error)
         return trial, trial.message
@@ -199,7 +199,7 @@ class _Machine:
         ran = [(point.value, error) for point, error in zip(points, errors, strict=True) if error]
         # The law's finest point is one of these: beyond it errors may only grow.
         beyond = ran if law is None else ran[_finest(law, [value for value, _ in ran]) :]
-        if len(beyond) < (1 if law is None else 2):
+        if len(beyond) < (1 if law is None else 2) or _still_falls(ran):
             return Curve(quantity=quantity, law=law, floor=None)
         at = beyond[-1] if law is None else min(beyond, key=lambda found: found[1])
         finer = beyond[beyond.index(at) + 1 :]
@@ -230,6 +230,14 @@ def _finest(law: PowerLaw, values: Sequence[float]) -> int:
     """Index of a law's finest value among those of a study, which go from coarse to fine."""
     end = law.low if values[0] > values[-1] else law.high
     return min(range(len(values)), key=lambda i: abs(values[i] / end - 1.0))
+
+
+def _still_falls(ran: Sequence[tuple[float, float]]) -> bool:
+    """Whether the error goes on falling at the finest values, with half a power or more: then there is no floor yet."""
+    if len(ran) < 2 or ran[-1][1] > min(error for _, error in ran):
+        return False
+    (before, larger), (last, smaller) = ran[-2:]
+    return np.log(larger / smaller) >= 0.5 * abs(np.log(before / last))
 
 
 def _turns_the_step(knob: Knob) -> bool:

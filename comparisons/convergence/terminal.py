@@ -6,6 +6,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from ..summary import figure
 from .results import MachineStudies, Studies
 from .shown import cause, distance, exponent, failures, floor, knob, of_others, of_the_step, span, tuned_pairs
 
@@ -52,5 +53,5 @@ def _pairs(machine: MachineStudies) -> Table:
     title = f"{machine.model}: Richardson limits against each other"
     table = _table(title, "first", "second", "position \\[m]")
     for pair in tuned_pairs(machine):
-        table.add_row(pair.first, pair.second, f"{pair.position:.1e}")
+        table.add_row(pair.first, pair.second, figure(pair.position))
     return table

@@ -5,8 +5,9 @@ The gate sees what is built; only the motion tells how stops let go, how steps a
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import faulty
@@ -15,6 +16,7 @@ import pytest
 import trebucheck as tb
 from faulty import TABLE_ONE, Faulty, body, parameters, without
 from trebucheck.comparisons import campaign
+from trebucheck.comparisons.diagnosis import motion
 from trebucheck.comparisons.results import Outcome, Run
 from trebucheck.comparisons.summary import diagnosis
 
@@ -86,6 +88,14 @@ FAULTS = (
         {"newton_relative": 1e-2, "newton_absolute": 1e-2, "modified_newton": True, "timestep": 1e-3},
     ),
 )  # fmt: skip
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _suspects_solved_once() -> Iterator[None]:
+    """Every fault is laid to the same suspects; to save time, each one's motion is integrated once."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(motion, "solve", cache(motion.solve))
+        yield
 
 
 def _run(fault: Fault, model: str, monkeypatch: pytest.MonkeyPatch) -> Run:

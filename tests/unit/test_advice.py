@@ -248,6 +248,16 @@ def test_a_floor_is_given_up_and_named() -> None:
     assert "error of the position of 1.0e-05 m on this machine, where 1.0e-06 m are asked" in verdict.sentence
 
 
+def test_what_was_reached_is_told_of_the_best_step_measured() -> None:
+    """Steps that the order gave no hope for are measured for the explanation: the least of their errors is told."""
+    follower, courses, _ = _search((1e6, 1e6), (1.0, 1.0))
+    assert all(STEPS[-1] not in course.rungs for course in courses)
+    verdict = obstacles.explain(follower, courses)
+    assert verdict.obstacle is Obstacle.STEP
+    best = 1e6 * STEPS[-1] ** 2
+    assert f" at {STEPS[-1]:g} s, has an error of the position of {best:.1e} m" in verdict.sentence
+
+
 # Texts to paste
 
 

@@ -180,5 +180,7 @@ def test_an_interrupt_is_exit_code_130(
 
     monkeypatch.setattr(campaign, "compare", interrupted)
     assert main(["compare", "--out", str(tmp_path / "out")]) == 130
-    assert "--resume" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "--resume: " in said and all(f" {name}" in said for name in ("compare", "converge", "explain", "recommend"))
+    assert "throw" not in said
     assert not (tmp_path / "out" / "report.html").exists()

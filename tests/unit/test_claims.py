@@ -1,0 +1,269 @@
+"""The paper's claims: the rules behind the verdicts, and how the study is shown and asked for."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+import trebucheck as tb
+from trebucheck.__main__ import main
+from trebucheck.comparisons.claims import shown
+from trebucheck.comparisons.claims.apart import begun
+from trebucheck.comparisons.claims.evidence import made, spread
+from trebucheck.comparisons.claims.grids import around
+from trebucheck.comparisons.claims.judging import _order
+from trebucheck.comparisons.claims.multipliers import fit
+from trebucheck.comparisons.claims.page import page
+from trebucheck.comparisons.claims.printed import parse
+from trebucheck.comparisons.claims.results import Claim, EngineValue, Quantity, Series, Study, Verdict
+from trebucheck.comparisons.claims.study import study
+from trebucheck.comparisons.claims.verdicts import (
+    Cause,
+    Grid,
+    as_printed,
+    at_least,
+    below,
+    coincides,
+    not_told,
+    occurs,
+    positive,
+    vanishes,
+)
+from trebucheck.models.schema import schema_text
+
+ROOT = Path(__file__).parents[2]
+
+
+def _q(value: float, uncertainty: float | None = None, unit: str = "m") -> Quantity:
+    return Quantity(value=value, uncertainty=uncertainty, unit=unit)
+
+
+@pytest.mark.parametrize(
+    ("text", "value", "half"),
+    [
+        ("99.4 m/s", 99.4, 0.05),
+        ("585°", 585, 0.5),
+        ("2.42:1", 2.42, 0.005),
+        ("< 0.0005 %", 5e-4, 5e-5),
+        ("-3", -3, 0.5),
+    ],
+)
+def test_a_printed_number_is_known_to_half_its_last_digit(text: str, value: float, half: float) -> None:
+    number = parse(text)
+    assert number.value == value
+    assert number.half == pytest.approx(half, rel=1e-15)
+
+
+def test_a_text_without_a_number_is_refused() -> None:
+    with pytest.raises(tb.InputError, match="holds no number"):
+        parse("linear")
+
+
+@pytest.mark.parametrize(
+    ("ours", "uncertainty", "verdict"),
+    [
+        (99.4499, None, Verdict.HOLDS),
+        (99.45, 0.0, Verdict.HOLDS),
+        (99.4501, None, Verdict.FAILS),
+        (99.4501, 2e-4, Verdict.HOLDS),
+        (99.36, None, Verdict.HOLDS),
+        (99.34, None, Verdict.FAILS),
+    ],
+)
+def test_a_number_holds_to_its_digits_and_our_uncertainty(
+    ours: float, uncertainty: float | None, verdict: Verdict
+) -> None:
+    assert as_printed(_q(ours, uncertainty), "99.4").verdict is verdict
+
+
+def test_a_grid_that_spans_the_printed_number_cannot_tell_it_from_ours() -> None:
+    around_45 = Grid("0.005 s", ((2.740, 46.5), (2.745, 43.8)))
+    found = as_printed(_q(44.1, unit="deg"), "45", around_45)
+    assert found.verdict is Verdict.WITHIN_GRID
+    assert "46.5 at 2.74" in found.why
+    beside = Grid("0.005 s", ((2.740, 44.4), (2.745, 43.8)))
+    assert as_printed(_q(44.1, unit="deg"), "45", beside).verdict is Verdict.FAILS
+    assert as_printed(_q(44.1, unit="deg"), "45", Grid("0.005 s", ())).verdict is Verdict.FAILS
+
+
+def test_only_causes_that_apply_are_given() -> None:
+    causes = [Cause(False, "the moon is full"), Cause(True, "the curve goes on rising")]
+    why = as_printed(_q(107.7), "100.55", causes=causes).why
+    assert "goes on rising" in why
+    assert "moon" not in why
+    assert "107.7" in why
+
+
+def test_departures_are_shares_of_what_is_claimed() -> None:
+    assert as_printed(_q(110.0), "100").departure == pytest.approx(0.1)
+    assert as_printed(_q(5.0), "0").departure == 1.0
+    assert occurs(False, "it").departure == 1.0
+
+
+@pytest.mark.parametrize(
+    ("found", "verdict"),
+    [
+        (below(_q(0.9, 0.05), "< 1 J"), Verdict.HOLDS),
+        (below(_q(-0.9, 0.2), "< 1 J"), Verdict.FAILS),
+        (positive(_q(1e-3, 1e-4), "the margin"), Verdict.HOLDS),
+        (positive(_q(1e-3, 1e-2), "the margin"), Verdict.FAILS),
+        (positive(_q(0.0), "the margin"), Verdict.FAILS),
+        (vanishes(_q(1e-12, 1e-11), 0.0, "nothing"), Verdict.HOLDS),
+        (vanishes(_q(-1e-10, 1e-11), 0.0, "nothing"), Verdict.FAILS),
+        (coincides(_q(1e-12, 1e-11), 0.005, "a step"), Verdict.HOLDS),
+        (coincides(_q(0.004, 1e-11), 0.005, "a step"), Verdict.WITHIN_GRID),
+        (coincides(_q(-0.006, 1e-11), 0.005, "a step"), Verdict.FAILS),
+        (at_least(_q(0.99), 0.99, "a need"), Verdict.HOLDS),
+        (at_least(_q(0.98), 0.99, "a need"), Verdict.FAILS),
+        (occurs(True, "a fact"), Verdict.HOLDS),
+        (not_told("a datum is missing"), Verdict.OPEN),
+    ],
+)
+def test_the_other_rules(found: object, verdict: Verdict) -> None:
+    assert getattr(found, "verdict") is verdict  # noqa: B009
+    assert bool(getattr(found, "why")) == (verdict is not Verdict.HOLDS)  # noqa: B009
+
+
+def test_a_width_is_what_each_figure_used_does_to_the_value() -> None:
+    values, widths = {"a": 3.0, "b": 2.0, "c": 9.0}, {"a": 0.1, "b": 0.2}
+    value, width = spread(lambda f: f["a"] - 2 * f["b"], values, widths)
+    assert value == -1.0
+    assert width == pytest.approx(0.1 + 0.4)
+    assert spread(lambda f: f["a"] + f["c"], values, widths)[1] is None  # c's is not known
+    with pytest.raises(KeyError, match="d"):
+        spread(lambda f: f["d"], values, widths)
+
+
+def test_fits_tell_parabolas_from_what_is_none() -> None:
+    t = np.linspace(0.0, 1.0, 50)
+    parabola = fit(t, 3 - 2 * t**2, 2)
+    assert parabola is not None
+    assert parabola.determination == pytest.approx(1.0, abs=1e-12)
+    wave = fit(t, np.sin(20 * t), 2)
+    assert wave is not None
+    assert wave.determination < 0.5
+    assert fit(t, np.ones_like(t), 2) is None
+    assert fit(t[:3], t[:3], 1) is None
+
+
+def test_grid_points_around_lie_within_a_step() -> None:
+    np.testing.assert_allclose(around(2.7445, 0.005), [2.740, 2.745], rtol=1e-12)
+    np.testing.assert_allclose(around(2.745, 0.005), [2.740, 2.745, 2.750], rtol=1e-12)
+
+
+def test_claims_stand_in_the_papers_order() -> None:
+    places = ["Sec. I", "Eq. (5)", "Secs. II, IV to VI", "Sec. III, Fig. 2", "Sec. IV", "Table II", "Sec. V, Fig. 5"]
+    places += ["Secs. VI, VII", "Sec. VII"]
+    assert sorted(reversed(places), key=_order) == places
+
+
+@pytest.fixture
+def small() -> Study:
+    """A study of three claims, one of which an engine contradicts."""
+
+    def claim(name: str, where: str, ours: Quantity, printed: str, *engines: EngineValue) -> Claim:
+        return made(name, where, printed, f"the {name}", ours, as_printed(ours, printed), engines)
+
+    agreeing = EngineValue(engine="mujoco", value=99.4001, tolerance=1e-3)
+    off = EngineValue(engine="pymunk", value=99.5, tolerance=1e-3)
+    absent = EngineValue(engine="exudyn", value=None, note="engine 'exudyn' is not installed here")
+    claims = (
+        claim("launch speed", "Sec. V", _q(99.4, 1e-9, "m/s"), "99.4 m/s", agreeing, off, absent),
+        claim("lever ratio", "Secs. V, VII", _q(1.82, unit=""), "2.42:1"),
+        claim("speed at 10.3", "Sec. V", _q(95.8, unit="m/s"), "0 m/s"),
+    )
+    line = Series(figure="Fig. 4", name="reference", x=(0.0, 1.0), y=(1.0, 2.0), x_label="t [s]", y_label="range [m]")
+    return Study(
+        made="2000-01-01T00:00:00+00:00", versions={"trebucheck": "0"}, machines=(tb.fixed(),), claims=claims,
+        series=(line,), sections={"drag": {"failed": "it <crashed>"}, "machines": {"any": 1}}, seconds=1.0,
+    )  # fmt: skip
+
+
+def test_the_summary_counts_and_ranks(small: Study) -> None:
+    assert list(shown.counts(small).values()) == [1, 0, 2, 0]
+    assert shown.agreement(small).startswith("1 of 2 values")
+    assert [(c.name, e.engine) for c, e in shown.disagreeing(small)] == [("launch speed", "pymunk")]
+    # What the paper concludes comes first, though the other departs more; and one of a section is enough.
+    assert [claim.name for claim in shown.worst(small.claims, 3)] == ["lever ratio"]
+    assert "1 printed numbers" in shown.findings(small)[0]
+    assert "and 0 of these" in shown.findings(small)[0]
+
+
+def test_the_page_stands_for_itself(small: Study) -> None:
+    html = page(small)
+    assert "<script src" not in html
+    assert (
+        "http" not in html.replace(html[html.index("<script>") : html.index("</script>")], "").split("<svg")[0][:2000]
+    )
+    assert "it &lt;crashed&gt;" in html  # a failed study is said, and escaped
+    assert "Machines" in html  # a study that nobody renders is not lost
+    for text in ("launch speed", "2.42:1", "not installed here", "Fig. 4", "Table I"):
+        assert text in html
+
+
+def test_json_comes_back_and_keeps_to_its_schema(small: Study) -> None:
+    assert Study.from_json(small.to_json()) == small
+    published = (ROOT / "comparisons" / "schemas" / "paper.schema.json").read_text()
+    assert published == schema_text(Study), "`make generated` writes the schemas anew"
+    jsonschema.validate(json.loads(small.to_json()), json.loads(published))
+
+
+def test_a_job_that_dies_costs_only_itself() -> None:
+    jobs = {"fine": _fine, "raises": _raises, "crashes": _crashes, "last": _fine}
+    with begun(jobs, at_once=2, timeout=60.0) as running:
+        found = {name: (result, why) for name, result, why in running.finished()}
+    assert set(found) == set(jobs)
+    assert found["fine"] == found["last"] == (42, None)
+    assert "no such thing" in (found["raises"][1] or "")
+    assert found["crashes"][0] is None
+    assert found["crashes"][1]
+
+
+def _fine() -> int:
+    return 42
+
+
+def _raises() -> int:
+    raise tb.InputError("no such thing.")
+
+
+def _crashes() -> int:
+    os._exit(3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--engines", "mujoko"], "did you mean 'mujoco'"),
+        (["--engines", ","], "--engines is empty"),
+        (["--sections", "colours"], "no section 'colours'"),
+        (["--timeout", "0"], "timeout = 0.0"),
+        (["--timeout", "nan"], "timeout = nan"),
+        (["--out", "file/paper"], "is not a folder"),
+    ],
+)
+def test_wrong_input_is_one_sentence(
+    arguments: list[str],
+    complaint: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("file").write_text("")
+    assert main(["paper", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("error: ")
+    assert captured.err.count("\n") == 1, captured.err
+    assert complaint in captured.err
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]  # nothing half-written
+
+
+def test_sections_are_checked_before_any_work() -> None:
+    with pytest.raises(tb.InputError, match="there are: design, sweep, identification, drag"):
+        study(["reference"], sections=["colour"])
