@@ -157,14 +157,14 @@ def _checks(mechanism: Mechanism, states: Sequence[State], found: Inspection) ->
             name="stop position",
             subject=worst,
             value=abs(misplaced[worst]),
-            unit="rad",
+            unit=mechanism.stop(worst).gap_unit,
             tolerance=EXACT,
             reason=_EXACT_REASON,
         )
 
 
 def stops_misplaced(want: Expected, dynamics: Sequence[Dynamics]) -> dict[str, float]:
-    """How far from its place each stop stands by the engine's own measure [rad], where that is largest."""
+    """How far from its place each stop stands by the engine's own measure [rad or m], where that is largest."""
     found: dict[str, float] = {}
     for mine, theirs in zip(dynamics, want.gaps, strict=True):
         for name, gap in mine.stop_gaps.items():

@@ -173,7 +173,8 @@ def _energy(c: Comparison) -> Iterator[Metric]:
 def _momentum(c: Comparison) -> Iterator[Metric]:
     """Where the machine may slide along x nothing pushes it that way: its momentum along x is an invariant."""
     slides = c.trajectory.mechanism.slides
-    if len(slides) != 1 or slides[0].axis != (1.0, 0.0):
+    pushed = [stop for stop in c.trajectory.mechanism.point_stops if stop.normal[0] != 0]
+    if len(slides) != 1 or slides[0].axis != (1.0, 0.0) or pushed or c.trajectory.mechanism.loop_joints:
         return
     moved = np.abs(c.trajectory.momentum[c.keep, 0] - c.reference.momentum[0, 0]).max()
     yield Metric(name="horizontal_momentum", value=float(moved), unit="kg m/s")
@@ -186,7 +187,7 @@ def _constraints(c: Comparison) -> Iterator[Metric]:
             # Held until the earlier of the two releases: in between, the two differ by the release time.
             times = [c.end, c.trajectory.release_time(stop.name), c.reference.release_time(stop.name)]
             held = c.t <= min(time for time in times if time is not None)
-            yield Metric(name="stop_gap_held", subject=stop.name, value=np.abs(gap[held]).max(), unit="rad")
+            yield Metric(name="stop_gap_held", subject=stop.name, value=np.abs(gap[held]).max(), unit=stop.gap_unit)
     yield from _complementarity(c)
     for name, gap in c.trajectory.joint_gaps.items():
         yield Metric(name="joint_gap_max", subject=name, value=np.abs(gap[c.keep]).max(), unit="m")
@@ -198,8 +199,8 @@ def _complementarity(c: Comparison) -> Iterator[Metric]:
         return
     for name, torque in c.trajectory.stop_torques.items():
         gap = c.trajectory.stop_gap(name)[c.keep]
-        peak = float(torque[c.keep].max())
-        yield Metric(name="stop_penetration", subject=name, value=max(0.0, -float(gap.min())), unit="rad")
+        peak, unit = float(torque[c.keep].max()), c.trajectory.mechanism.stop(name).gap_unit
+        yield Metric(name="stop_penetration", subject=name, value=max(0.0, -float(gap.min())), unit=unit)
         if peak > 0:
             product = float(np.abs(torque[c.keep] * gap).max()) / peak
-            yield Metric(name="complementarity", subject=name, value=product, unit="rad")
+            yield Metric(name="complementarity", subject=name, value=product, unit=unit)
