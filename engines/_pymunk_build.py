@@ -25,10 +25,10 @@ from pymunk import constraints
 from ..models.arrays import FloatArray
 from ..models.errors import UnsupportedProblemError
 from ..models.kinematics import Kinematics
-from ..models.mechanism import GROUND, Body, Mechanism, PinJoint, SlotJoint, Stop
+from ..models.mechanism import GROUND, Body, Mechanism, PinJoint, PointStop, SlotJoint, Stop
 
 _SAME_POINT = 1e-12  # [m]
-_RAIL = 1.0  # [m] length of the link that holds a pin on its slot
+_RAIL = 1.0  # [m] length of the link that holds a point on a line
 
 
 @dataclass
@@ -57,7 +57,7 @@ class Rod:
     length: float
     """[m]"""
     axis: complex | None = None
-    """Direction in which the end on the ground has to go along with the other one: the link across a slot."""
+    """Direction in which the end on the ground has to go along with the other one: the link across a line."""
 
 
 @dataclass
@@ -114,9 +114,6 @@ class _Builder:
         self.error_bias = error_bias
         self.pivot_mass = pivot_mass
         self.joints = {joint.child: joint for joint in mechanism.tree_joints}
-        if mechanism.loop_joints:
-            loops = ", ".join(joint.name for joint in mechanism.loop_joints)
-            raise UnsupportedProblemError(f"pymunk is not built with joints that close a loop here ({loops}).")
         space = pymunk.Space()
         space.gravity = (0.0, -mechanism.gravity)
         self.machine = Machine(space, mechanism, {})
@@ -127,6 +124,8 @@ class _Builder:
             self.machine.space.add(part.body)
         for body in self.mechanism.bodies:
             self._hang(self.machine.parts[body.name])
+        for joint in self.mechanism.loop_joints:
+            self._close(joint)
         for stop in self.mechanism.stops:
             if stop.closed:
                 self._hold(stop, stop.name in closed)
@@ -157,10 +156,22 @@ class _Builder:
             return False
         if own.inertia > 0 and any(not self._is_brace(stop, body.name) for stop in self._stops_of(body.name)):
             return False
-        return all(_same(complex(*self.joints[child.name].parent_point), own.centre) for child in children)
+        held = self._points_held(body.name)
+        if own.inertia > 0 and held:
+            return False
+        hung = [complex(*self.joints[child.name].parent_point) for child in children]
+        return all(_same(point, own.centre) for point in (*hung, *held))
 
     def _stops_of(self, body: str) -> list[Stop]:
-        return [stop for stop in self.mechanism.stops if stop.closed and body in (stop.body, stop.relative_to)]
+        return [stop for stop in self.mechanism.angle_stops if stop.closed and body in (stop.body, stop.relative_to)]
+
+    def _points_held(self, body: str) -> list[complex]:
+        """Points of a body at which something else than the tree holds it."""
+        loops = self.mechanism.loop_joints
+        ends = [(joint.parent, joint.parent_point) for joint in loops]
+        ends += [(joint.child, joint.child_point) for joint in loops]
+        ends += [(stop.body, stop.point) for stop in self.mechanism.point_stops if stop.closed]
+        return [complex(*point) for name, point in ends if name == body]
 
     def _is_brace(self, stop: Stop, body: str) -> bool:
         return {stop.body, stop.relative_to} == {body, self.joints[body].parent}
@@ -169,7 +180,7 @@ class _Builder:
         if own.inertia <= 0:
             raise UnsupportedProblemError(
                 f"pymunk cannot turn the body {body.name!r}, whose inertia is 0: it can only be a point mass at "
-                f"the end of a rod, with all that hangs on it hanging on that mass."
+                f"the end of a rod, with all that hangs on it or holds it at that mass."
             )
         pinned = joint.parent == GROUND and isinstance(joint, PinJoint)
         return own.with_pivot_mass(complex(*joint.child_point), self.pivot_mass) if pinned else own
@@ -210,7 +221,8 @@ class _Builder:
         joint = self.joints[part.name]
         at = complex(*joint.parent_point)
         if isinstance(joint, SlotJoint):
-            self._slide(part, joint)
+            slide = self.mechanism.start[self.mechanism.coordinates.index(joint.coordinate or "")]
+            self._keep(self._link(part.name, part.pin, at, complex(*joint.axis), slide))
         elif not part.turns:
             self._keep(self._rod(joint.parent, at, part.name, part.reference, abs(part.reference - part.pin)))
         elif joint.parent == GROUND:
@@ -218,42 +230,81 @@ class _Builder:
             assert b is not None
             self._add(constraints.PivotJoint(self.machine.space.static_body, b, (at.real, at.imag), end_b))
         else:
-            # Two rods from the pin to two points of the body hold it like a pivot, and their lengths can be held.
-            for direction in (1, 1j):
-                self._keep(self._rod(joint.parent, at, part.name, part.pin + direction, 1.0))
+            self._pin(joint.parent, at, part.name, part.pin)
 
     def _keep(self, rod: Rod) -> None:
         self._add(rod.joint)
         self.machine.rods.append(rod)
 
-    def _slide(self, part: Part, joint: SlotJoint) -> None:
-        # A GrooveJoint on a body that turns about another point leaves only first order, however many passes it
-        # gets; a link across the slot whose foot goes along keeps the second.
-        axis = complex(*joint.axis)
-        slide = self.mechanism.coordinates.index(joint.coordinate or "")
-        foot = complex(*joint.parent_point) + axis * (self.mechanism.start[slide] - 1j * _RAIL)
-        rod = self._rod(GROUND, foot, part.name, part.pin, _RAIL)
-        rod.axis = axis
-        self._keep(rod)
+    def _pin(self, still: str, at: complex, turning: str, point: complex) -> None:
+        # Two rods from the pin to two points of the body hold it like a pivot, and their lengths can be held.
+        for direction in (1, 1j):
+            self._keep(self._rod(still, at, turning, point + direction, 1.0))
 
-    def _hold(self, stop: Stop, closed: bool) -> None:
+    def _close(self, joint: PinJoint | SlotJoint) -> None:
+        """A joint that closes a loop."""
+        at, point = complex(*joint.parent_point), complex(*joint.child_point)
+        if isinstance(joint, SlotJoint):
+            axis = complex(*joint.axis)
+            along = ((self._place(joint.child, joint.child_point) - at) * axis.conjugate()).real
+            self._keep(self._link(joint.child, point, at, axis, along))
+        elif self.machine.parts[joint.child].turns:
+            self._pin(joint.parent, at, joint.child, point)
+        elif joint.parent == GROUND:
+            for direction in (1, 1j):
+                self._keep(self._rod(GROUND, at + direction, joint.child, point, 1.0))
+        elif self.machine.parts[joint.parent].turns:
+            self._pin(joint.child, point, joint.parent, at)
+        else:
+            # Two point masses turn nothing: a pivot between them is linear, and so exact.
+            a, b = self.machine.parts[joint.parent].body, self.machine.parts[joint.child].body
+            self._add(constraints.PivotJoint(a, b, (0.0, 0.0), (0.0, 0.0)))
+
+    def _place(self, body: str, point: tuple[float, float]) -> complex:
+        """Where a body's point is at the start [m]."""
+        kinematics = Kinematics(self.mechanism)
+        return complex(*kinematics.position(kinematics.point(body, point), start_of(self.mechanism)[0]))
+
+    def _link(self, body: str, point: complex, origin: complex, axis: complex, along: float) -> Rod:
+        """A rod across a line, which holds a body's point `along` from the line's origin on it.
+
+        A GrooveJoint on a body that turns about another point leaves only first order, however many passes it gets;
+        a link whose foot goes along keeps the second.
+        """
+        rod = self._rod(GROUND, origin + axis * (along - 1j * _RAIL), body, point, _RAIL)
+        rod.axis = axis
+        return rod
+
+    def _hold(self, stop: Stop | PointStop, closed: bool) -> None:
         """Close a stop, or only see that it could be."""
+        held, rod = self._on_a_wall(stop) if isinstance(stop, PointStop) else self._between(stop)
+        if not closed:
+            return
+        if rod is not None:
+            self.machine.rods.append(rod)
+        self._add(held)
+        self.machine.stops[stop.name] = held
+
+    def _on_a_wall(self, stop: PointStop) -> tuple[constraints.Constraint, Rod]:
+        if stop.body == GROUND:
+            raise UnsupportedProblemError(f"pymunk cannot hold the stop {stop.name!r}: it is on a point of the ground.")
+        normal = complex(*stop.normal)
+        axis = -1j * normal
+        along = (self._place(stop.body, stop.point) * axis.conjugate()).real
+        rod = self._link(stop.body, complex(*stop.point), stop.offset * normal, axis, along)
+        return rod.joint, rod
+
+    def _between(self, stop: Stop) -> tuple[constraints.Constraint, Rod | None]:
         bobs = [name for name in (stop.body, stop.relative_to) if name != GROUND and not self.machine.parts[name].turns]
         if not bobs:
-            held: constraints.Constraint = self._gear(stop)
-        elif len(bobs) == 1 and self._is_brace(stop, bobs[0]):
+            return self._gear(stop), None
+        if len(bobs) == 1 and self._is_brace(stop, bobs[0]):
             rod = self._brace(bobs[0])
-            held = rod.joint
-            if closed:
-                self.machine.rods.append(rod)
-        else:
-            raise UnsupportedProblemError(
-                f"pymunk cannot hold the stop {stop.name!r}: a point mass on a rod can only be held against the "
-                f"body it hangs on, which must be able to turn."
-            )
-        if closed:
-            self._add(held)
-            self.machine.stops[stop.name] = held
+            return rod.joint, rod
+        raise UnsupportedProblemError(
+            f"pymunk cannot hold the stop {stop.name!r}: a point mass on a rod can only be held against the "
+            f"body it hangs on, which must be able to turn."
+        )
 
     def _gear(self, stop: Stop) -> constraints.GearJoint:
         static = self.machine.space.static_body

@@ -20,23 +20,16 @@ import pymunk
 from pymunk import constraints
 
 from ..models.arrays import FloatArray
-from ..models.errors import SimulationError
 from ..models.kinematics import Kinematics
-from ..models.mechanism import GROUND, Mechanism, PinJoint, Stop
+from ..models.mechanism import GROUND, Mechanism, PinJoint, PointStop, Stop
 from ._pymunk_build import Machine, Rod, build, start_of
-from ._pymunk_read import Reading, Samples
+from ._pymunk_forces import forces_of
+from ._pymunk_kick import STEP, reading_of, settled_kick
+from ._pymunk_read import Reading
 from .inspection import Dynamics, Inspection, State
 
 if TYPE_CHECKING:
     from .pymunk_ import PymunkEngine
-
-_STEP = 1.0  # [s]
-# How far the impulses are solved is an option of a run, not of the model: passes are doubled until they are settled.
-_FIRST_PASSES, _ROUNDS = 500, 12
-_SETTLED = 5e-14  # change of the velocities in a round: some 200 roundings, beyond which they only flicker
-_ENOUGH = 1e-11  # a tenth of what models are compared to; rounding that adds up over the passes may end nearer to it
-
-_Place = tuple[pymunk.Vec2d, float]  # position [m] and angle [rad] of a body
 
 
 def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkEngine) -> Inspection:
@@ -48,7 +41,7 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkEngine
     """
     touching = [stop.name for stop in mechanism.stops if stop.closed]
     built = build(mechanism, touching, 0.0, options.pivot_mass)
-    start, start_speeds = _reading(built).coordinates()
+    start, start_speeds = reading_of(built).coordinates()
     return Inspection(
         start=start[0],
         start_speeds=start_speeds[0],
@@ -74,8 +67,8 @@ def _dynamics(built: Machine, state: State, pivot_mass: float) -> Dynamics:
     mass, forces = _inertia(machine)
     reading = _kicked(machine)
     return Dynamics(
-        accelerations=_accelerations(reading),
-        stop_torques={name: float(torque[0]) for name, torque in reading.torques(state.closed).items()},
+        accelerations=reading.accelerations()[0],
+        stop_torques={name: float(torque[0]) for name, torque in forces_of(reading, state.closed).torques.items()},
         mass_matrix=mass,
         forces=forces,
         centres={body.name: _centre(reading, body.name) for body in placed.bodies},
@@ -106,73 +99,18 @@ def _inertia(machine: Machine) -> tuple[FloatArray, FloatArray]:
 
 def _kicked(machine: Machine) -> Reading:
     """One step to the state where the machine stands; the change of velocity in it is the acceleration there."""
-    before = _rates(machine)
     _aim(machine)
-    places = [(body.position, body.angle) for body in machine.bodies]
-    kick = _settled_kick(machine, places, before)
-    for body, (x, y, spin) in zip(machine.bodies, before.tolist(), strict=True):
-        body.velocity, body.angular_velocity = (x, y), spin
-    return _reading(machine, kick / _STEP)
-
-
-def _settled_kick(machine: Machine, places: Sequence[_Place], before: FloatArray) -> FloatArray:
-    """Change of the rates in the step, shape (n_bodies, 3), its impulses found as exactly as they can be."""
-    # A joint feels its ends' rounding, which is of the places' size, however small the accelerations are.
-    reach = max(abs(complex(*position)) for position, _ in places) / _STEP
-    kick, change = np.full_like(before, np.inf), math.inf
-    for doublings in range(_ROUNDS):
-        _put_back(machine, places, before)
-        # Taken once more from where it began, the step goes on with the impulses it has found.
-        machine.space.iterations = _FIRST_PASSES * 2**doublings
-        machine.space.step(_STEP)
-        last, kick = kick, _rates(machine) - before
-        previous, change = change, float(np.abs(kick - last).max() / max(np.abs(kick).max(), reach))
-        if change <= _SETTLED or previous < change <= _ENOUGH:
-            break
-    if not change <= _ENOUGH:
-        raise SimulationError(
-            f"pymunk cannot be looked into: the impulses of {machine.mechanism.name!r} are not settled after "
-            f"{machine.space.iterations} passes; its masses differ too much for them."
-        )
-    return kick
-
-
-def _rates(machine: Machine) -> FloatArray:
-    """Velocities and angular velocities of the bodies, shape (n_bodies, 3)."""
-    return np.array([[*body.velocity, body.angular_velocity] for body in machine.bodies])
-
-
-def _put_back(machine: Machine, places: Sequence[_Place], rates: FloatArray) -> None:
-    """By one step, which moves the bodies first and so brings them to where they stand."""
-    for body, (position, angle), (x, y, spin) in zip(machine.bodies, places, rates.tolist(), strict=True):
-        body.velocity, body.angular_velocity = (x, y), spin
-        body.position = position - _STEP * body.velocity
-        body.angle = angle - _STEP * spin
-
-
-def _reading(machine: Machine, accelerations: FloatArray | None = None) -> Reading:
-    """The bodies as they are, as one sample; accelerations as in :func:`_rates`, left out where none are asked."""
-    rates = _rates(machine)
-    rates, changes = rates.T, (np.zeros_like(rates) if accelerations is None else accelerations).T
-    samples = Samples(
-        place=np.array([[complex(*body.position) for body in machine.bodies]]),
-        angle=np.array([[body.angle for body in machine.bodies]]),
-        velocity=(rates[0] + 1j * rates[1])[None],
-        spin=rates[2][None],
-        acceleration=(changes[0] + 1j * changes[1])[None],
-        spin_rate=changes[2][None],
-    )
-    return Reading(machine, samples)
+    return reading_of(machine, settled_kick(machine) / STEP)
 
 
 def _aim(machine: Machine) -> None:
     """Set each joint's aim aside by h^2 times its centripetal acceleration; a GearJoint has none."""
     for rod in machine.rods:
-        rod.joint.distance = rod.length - _STEP**2 * _lengthening(rod)
+        rod.joint.distance = rod.length - STEP**2 * _lengthening(rod)
     for joint in machine.space.constraints:
         if isinstance(joint, constraints.PivotJoint):
             end = _End.of(joint.b, joint.anchor_b)
-            anchor = complex(*joint.anchor_a) - _STEP**2 * end.centripetal
+            anchor = complex(*joint.anchor_a) - STEP**2 * end.centripetal
             joint.anchor_a = (anchor.real, anchor.imag)
 
 
@@ -203,24 +141,18 @@ def _lengthening(rod: Rod) -> float:
     return (along * (b.centripetal - a.centripetal)).real + across**2 / distance
 
 
-def _accelerations(reading: Reading) -> FloatArray:
-    """Second derivatives of the coordinates, shape (n_q,) [rad/s^2 or m/s^2]."""
-    mechanism = reading.mechanism
-    found = [reading.frames[body.name].a[0] for body in mechanism.bodies]
-    for slot in mechanism.slides:
-        pin = reading.point(slot.child, slot.child_point).acceleration[0]
-        found.append((pin * complex(*slot.axis).conjugate()).real)
-    return np.array(found)
-
-
 def _centre(reading: Reading, body: str) -> FloatArray:
     place = reading.point(body, reading.mechanism.body(body).centre).place[0]
     return np.array([place.real, place.imag])
 
 
-def _gap(built: Machine, stop: Stop, reading: Reading) -> float:
-    """Opening of a stop [rad] where the bodies stand now, by its joint as it was made at the start."""
+def _gap(built: Machine, stop: Stop | PointStop, reading: Reading) -> float:
+    """Opening of a stop [rad or m] where the bodies stand now, by its joint as it was made at the start."""
     joint = built.stops[stop.name]
+    if isinstance(stop, PointStop):
+        rod = next(rod for rod in built.rods if rod.joint is joint)
+        apart = complex(reading.point(stop.body, stop.point).place[0]) - complex(*rod.end_a)
+        return (apart * complex(*stop.normal).conjugate()).real - rod.length
     q = {name: float(frame.q[0]) for name, frame in reading.frames.items()} | {GROUND: 0.0}
     between = q[stop.body] - q[stop.relative_to]
     if isinstance(joint, constraints.GearJoint):

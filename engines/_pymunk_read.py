@@ -1,18 +1,17 @@
-"""What a Chipmunk run says about the mechanism: angles, points, forces, energies.
+"""What a Chipmunk run says about the mechanism: angles, points, energies.
 
-Everything comes from the engine bodies' places and velocities. Forces are their changes of momentum in a step:
-Chipmunk tells the impulse of a joint only without its sign, and only its size.
+Everything comes from the engine bodies' places and velocities, and forces (:mod:`._pymunk_forces`) from their changes
+of momentum in a step: Chipmunk tells the impulse of a joint only without its sign, and only its size.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..models.arrays import ComplexArray, FloatArray
-from ..models.mechanism import GROUND, Mechanism, SlotJoint, Stop
+from ..models.mechanism import GROUND, Mechanism, SlotJoint
 from ..models.spec import Vector
 from ..models.trajectory import PointMotion
 from ._pymunk_build import Machine, Part
@@ -67,10 +66,12 @@ class Frame:
 
 @dataclass
 class Reading:
-    """The mechanism's motion and forces, from the engine bodies' samples."""
+    """The mechanism's motion, from the engine bodies' samples."""
 
     machine: Machine
     samples: Samples
+    near: FloatArray | None = None
+    """Coordinates that tell how often the first sample's angles have gone round; the mechanism's start if left out."""
     frames: dict[str, Frame] = field(default_factory=dict[str, Frame])
 
     def __post_init__(self) -> None:
@@ -103,7 +104,8 @@ class Reading:
         pin, bob = self.point(joint.parent, joint.parent_point), self._body(i)
         rod = bob.place - pin.place
         q = np.unwrap(-np.angle(rod / (part.reference - part.pin)))
-        turns = round((self.mechanism.start[i] - float(q[0])) / (2 * np.pi))
+        near = self.mechanism.start[i] if self.near is None else float(self.near[i])
+        turns = round((near - float(q[0])) / (2 * np.pi))
         u = -((bob.velocity - pin.velocity) / rod).imag
         a = -((bob.acceleration - pin.acceleration) / rod).imag
         return Frame(part.reference, bob, q + 2 * np.pi * turns, u, a)
@@ -135,60 +137,25 @@ class Reading:
             potential += body.mass * self.mechanism.gravity * centre.place.imag
         return kinetic, potential
 
-    def reactions(self) -> dict[str, ComplexArray]:
-        """Force of each joint on its child [N], from the momentum of all that hangs on it, complex, shape (n,)."""
-        forces: dict[str, ComplexArray] = {}
-        for joint in self.mechanism.tree_joints:
-            force = np.zeros(len(self.samples.place), dtype=np.complex128)
-            for body in self.mechanism.subtree(joint.child):
-                centre = self.point(body.name, body.centre)
-                force += body.mass * (centre.acceleration + 1j * self.mechanism.gravity)
-            forces[joint.name] = force
-        return forces
-
-    def torques(self, closed: Sequence[str]) -> dict[str, FloatArray]:
-        """Torques of closed stops [N m], shape (n,): what the bodies' spin needs beyond the joints' forces."""
-        if not closed:
-            return {}
-        stops = [self.mechanism.stop(name) for name in closed]
-        outer = sorted({self._outer(stop) for stop in stops})
-        names = [body.name for body in self.mechanism.bodies]
-        couples = self._couples([names[i] for i in outer])
-        rows = np.array([[_share(stop, names[i]) for i in outer] for stop in stops])
-        # The farther body of each stop feels nothing of the large forces nearer the ground.
-        solved = np.linalg.lstsq(rows.T, np.array(couples), rcond=None)[0]
-        return dict(zip(closed, solved, strict=True))
-
-    def _outer(self, stop: Stop) -> int:
-        names = [body.name for body in self.mechanism.bodies]
-        return max(names.index(name) for name in (stop.body, stop.relative_to) if name != GROUND)
-
-    def _couples(self, names: Sequence[str]) -> list[FloatArray]:
-        """Clockwise couple that acts on each body besides gravity and joint forces [N m]."""
-        forces = self.reactions()
-        return [self._couple(name, forces) for name in names]
-
-    def _couple(self, name: str, forces: Mapping[str, ComplexArray]) -> FloatArray:
-        body, frame = self.mechanism.body(name), self.frames[name]
-        centre = self.point(name, body.centre).place
-        couple = body.inertia * frame.a
-        for joint in self.mechanism.tree_joints:
-            if joint.child == name:
-                couple = couple + _cross(self.point(name, joint.child_point).place - centre, forces[joint.name])
-            elif joint.parent == name:
-                couple = couple - _cross(self.point(name, joint.parent_point).place - centre, forces[joint.name])
-        return couple
+    def accelerations(self) -> FloatArray:
+        """Second derivatives of the coordinates, shape (n, n_q) [rad/s^2 or m/s^2]."""
+        found = [self.frames[body.name].a for body in self.mechanism.bodies]
+        for slot in self.mechanism.slides:
+            pin = self.point(slot.child, slot.child_point).acceleration
+            found.append((pin * complex(*slot.axis).conjugate()).real)
+        return np.stack(found, axis=-1)
 
     def gaps(self) -> dict[str, FloatArray]:
         """How far the points of each joint stand apart [m], shape (n,); for a bob, the error of its rod's length."""
         found: dict[str, FloatArray] = {}
-        for joint in self.mechanism.tree_joints:
+        tree = self.mechanism.tree_joints
+        for joint in self.mechanism.joints:
             parent = self.point(joint.parent, joint.parent_point).place
-            part = self.machine.parts[joint.child]
             apart = self.point(joint.child, joint.child_point).place - parent
             if isinstance(joint, SlotJoint):
                 apart = (apart * complex(*joint.axis).conjugate()).imag
-            elif not part.turns:
+            elif joint in tree and not self.machine.parts[joint.child].turns:
+                part = self.machine.parts[joint.child]
                 apart = np.abs(self.frames[joint.child].at.place - parent) - abs(part.reference - part.pin)
             found[joint.name] = np.abs(apart)
         return found
@@ -215,16 +182,6 @@ def samples_of(states: FloatArray, h: float, leapfrog: bool) -> Samples:
         acceleration=(rates[1:] - rates[:-1]) / h,
         spin_rate=(spins[1:] - spins[:-1]) / h,
     )
-
-
-def _share(stop: Stop, body: str) -> float:
-    """Derivative of the stop's gap by the body's angle."""
-    return float(stop.sense * ((body == stop.body) - (body == stop.relative_to)))
-
-
-def _cross(arm: ComplexArray, force: ComplexArray) -> FloatArray:
-    """Moment, counter-clockwise."""
-    return (arm.conjugate() * force).imag
 
 
 def as_vectors(z: ComplexArray) -> FloatArray:

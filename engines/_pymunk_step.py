@@ -71,6 +71,7 @@ class Stepper:
         joint = self.machine.stops.pop(stop)
         self._space.remove(joint)
         self._held = [rod for rod in self._held if rod.joint is not joint]
+        self._feet = [rod for rod in self._feet if rod.joint is not joint]
 
     @property
     def steps(self) -> int:
@@ -134,7 +135,7 @@ class _HeldRod:
     from the last two steps, leaves O(h^4) of it: what SHAKE would do. It takes no force into account.
     """
 
-    __slots__ = ("_a", "_ax", "_ay", "_b", "_bx", "_by", "_h", "_last", "_slides", "joint", "rod")
+    __slots__ = ("_a", "_ax", "_ay", "_b", "_bx", "_by", "_h", "_last", "_nx", "_ny", "_slides", "joint", "rod")
 
     def __init__(self, rod: Rod, offsets: dict[int, int], h: float) -> None:
         self.rod, self.joint = rod, rod.joint
@@ -144,6 +145,8 @@ class _HeldRod:
         self._bx, self._by = rod.end_b
         self._h = h
         self._slides = rod.axis is not None
+        across = 1j * (rod.axis or 0j)
+        self._nx, self._ny = across.real, across.imag
         self._last = 0.0
 
     def prepare(self, start: Row) -> None:
@@ -178,10 +181,10 @@ class _HeldRod:
             dx, dy, ax, ay = _arc(row[a + 2], h * row[a + 5], self._ax, self._ay)
             x, y, cx, cy = x - row[a] - dx, y - row[a + 1] - dy, cx - ax, cy - ay
             px, py = px - h * (row[a + 3] - row[a + 5] * dy), py - h * (row[a + 4] + row[a + 5] * dx)
+        if self._slides:  # the foot goes along: nothing moves across
+            return cx * self._nx + cy * self._ny
         distance = math.hypot(x, y)
         along = (x * cx + y * cy) / distance
-        if self._slides:  # the foot goes along: nothing moves across
-            return along
         across = (x * (py + cy) - y * (px + cx)) / distance
         expected = distance + (x * px + y * py) / distance + along
         return along + across * across / (math.hypot(expected, across) + expected)

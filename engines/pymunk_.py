@@ -21,9 +21,11 @@ class PymunkEngine(BuiltinEngine):
 
     A step moves the bodies with their old velocities and then finds impulses at the new place. Read as a leapfrog
     (positions and forces at t = k h, velocities half a step later) it is of second order; read as it comes it is of
-    first order. Massless rods with a mass at their end are point masses on PinJoints; a closed stop is one more
-    PinJoint that braces such a rod, or a GearJoint between two bodies that can turn; a stop that releases is
-    removed. The step is shortened a little where a whole number of them would not make the duration.
+    first order. Massless rods with a mass at their end are point masses on PinJoints; a closed stop on an angle is one
+    more PinJoint that braces such a rod, or a GearJoint between two bodies that can turn; a point on a line (a slot, a
+    trough) hangs on a PinJoint across it, whose foot goes along; a stop that releases is removed. Where a stop is met,
+    Chipmunk's own impulses make the impact, and a new leapfrog starts. The step is shortened a little where a whole
+    number of them would not make the duration.
     """
 
     name: ClassVar[str] = "pymunk"
@@ -32,7 +34,7 @@ class PymunkEngine(BuiltinEngine):
         joint_reactions=True,
         joint_gaps=True,
         located_releases=True,
-        stop_laws=frozenset({StopLaw.RELEASE_ONCE}),
+        stop_laws=frozenset(StopLaw),
         formulation="maximal coordinates, velocity-level impulses by Gauss-Seidel, leapfrog positions",
     )
     # What the library does if nothing is set, and its states read as they come after each step.

@@ -13,7 +13,7 @@ from trebucheck.engines.pymunk_ import PymunkEngine
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
 from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, SlotJoint, Stop
 from trebucheck.models.parameters import TrebuchetParameters
-from trebucheck.models.problem import Problem, StopLaw
+from trebucheck.models.problem import Problem
 from trebucheck.models.trajectory import Trajectory
 from trebucheck.models.trebuchet import COUNTERWEIGHT, FULCRUM, HANGER_REST, PROJECTILE, SLING_REST, fixed, rolling
 from trebucheck.reference.solver import solve
@@ -298,11 +298,6 @@ def elbow_of_rods() -> Mechanism:
 def test_what_it_cannot_build_it_says(mechanism: Mechanism, sentence: str) -> None:
     with pytest.raises(UnsupportedProblemError, match=sentence):
         PymunkEngine().simulate(Problem(mechanism, 0.1))
-
-
-def test_no_impacts() -> None:
-    with pytest.raises(UnsupportedProblemError, match="release-once"):
-        PymunkEngine().simulate(Problem(fixed(), 0.1, stop_law=StopLaw.UNILATERAL))
 
 
 def test_bodies_thrown_apart_are_an_error_and_not_a_result() -> None:

