@@ -36,7 +36,7 @@ class Dynamics:
     accelerations: FloatArray
     """a, shape (n_q,) [rad/s^2 or m/s^2], the closed stops (and loops) held."""
     stop_torques: Mapping[str, float]
-    """Of the closed stops [N m], positive where they push."""
+    """Of the closed stops [N m, or N of one on a point], positive where they push."""
     mass_matrix: FloatArray | None = None
     """M, shape (n_q, n_q)."""
     forces: FloatArray | None = None

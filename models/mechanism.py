@@ -174,6 +174,17 @@ class Mechanism(Spec):
         tree = {joint.name for joint in self.tree_joints}
         return tuple(joint for joint in self.joints if joint.name not in tree)
 
+    @property
+    def loops_apart(self) -> dict[str, float]:
+        """How far the points of each joint that closes a loop stand apart at the start [m]."""
+        found: dict[str, float] = {}
+        for joint in self.loop_joints:
+            child = self._start_place(joint.child, joint.child_point)
+            apart = child - self._start_place(joint.parent, joint.parent_point)
+            across = (apart * complex(*joint.axis).conjugate()).imag if isinstance(joint, SlotJoint) else apart
+            found[joint.name] = abs(across)
+        return found
+
     def body(self, name: str) -> Body:
         """The body of that name."""
         return next(body for body in self.bodies if body.name == name)

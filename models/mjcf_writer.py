@@ -18,11 +18,13 @@ from pathlib import Path
 
 from .errors import InputError, UnsupportedProblemError
 from .files import write_text
-from .kinematics import Kinematics
-from .mechanism import GROUND, Body, Mechanism, PinJoint, SlotJoint, Stop
+from .mechanism import GROUND, Body, Mechanism, PinJoint, PointStop, SlotJoint, Stop
+from .mjcf_looks import MODEL_FILE, add_shapes, add_stand, reach_of, scene
+from .mjcf_points import Points, force_sensor, torque_sensor
+from .mjcf_text import as_text, from_origin, number, numbers, spatial
 from .spec import Vector
 
-MODEL_FILE, SCENE_FILE = "trebuchet.xml", "scene.xml"
+SCENE_FILE = "scene.xml"
 START_KEY = "start"
 KINETIC_ENERGY, POTENTIAL_ENERGY = "energy/kinetic", "energy/potential"
 
@@ -37,19 +39,6 @@ POINT_INERTIA = 2e-15
 
 It counts relative to m r^2: 1e-6 costs 1.6e-8 m on Table I, 1e-12 shows in the model of a machine of a few grams.
 """
-
-_COLOURS = ("0.55 0.35 0.17 1", "0.20 0.45 0.70 1", "0.35 0.35 0.38 1", "0.75 0.55 0.20 1")
-_DENSITY = 1000.0  # [kg/m^3] of the drawn spheres only
-
-
-def torque_sensor(stop: str) -> str:
-    """Name of the sensor of a stop's torque [N m]."""
-    return f"{stop}/torque"
-
-
-def force_sensor(joint: str) -> str:
-    """Name of the sensor of a joint's force [N], in the frame of its child."""
-    return f"{joint}/force"
 
 
 def slide_joint(joint: str) -> str:
@@ -71,52 +60,23 @@ def mjcf(mechanism: Mechanism, timestep: float = 1e-3) -> str:
     """The mechanism as MJCF text, the same for equal mechanisms, to the byte.
 
     Args:
-        mechanism: a tree of bodies.
-        timestep: of MuJoCo's integrator [s]; the stiffness of the stops is scaled with it.
+        mechanism: any.
+        timestep: of MuJoCo's integrator [s]; the stiffness of stops and loops is scaled with it.
 
     Raises:
         InputError: the time step is not positive and finite.
-        UnsupportedProblemError: joints close a loop, or a stop holds a body against itself.
+        UnsupportedProblemError: a stop holds a body against itself, or a point of the ground.
     """
     if not (math.isfinite(timestep) and timestep > 0):
         raise InputError(f"timestep = {timestep!r} s must be positive and finite.")
-    if mechanism.loop_joints:
-        names = ", ".join(joint.name for joint in mechanism.loop_joints)
-        raise UnsupportedProblemError(f"MJCF is written for trees of bodies; these joints close a loop: {names}.")
-    return _text(_Writer(mechanism, timestep).root())
-
-
-def scene(mechanism: Mechanism) -> str:
-    """MJCF text that includes the model's file and adds light, a floor nothing collides with, and a camera."""
-    reach = _reach(mechanism)
-    root = ET.Element("mujoco", model=f"{mechanism.name} scene")
-    root.append(ET.Comment(" Only looks: nothing here has mass or touches the machine. "))
-    ET.SubElement(root, "include", file=MODEL_FILE)
-    ET.SubElement(
-        root, "statistic", center=_numbers(0, 0, round(-0.2 * reach, 3)), extent=_number(round(1.2 * reach, 3))
-    )
-    visual = ET.SubElement(root, "visual")
-    ET.SubElement(visual, "global", offwidth="960", offheight="720")
-    ET.SubElement(visual, "headlight", ambient="0.4 0.4 0.4", diffuse="0.5 0.5 0.5", specular="0 0 0")
-    _add_materials(ET.SubElement(root, "asset"))
-    world = ET.SubElement(root, "worldbody")
-    down = -_floor_depth(mechanism)
-    ET.SubElement(world, "light", pos=_numbers(-reach, -2 * reach, 3 * reach), dir="0.3 0.6 -1", directional="true")
-    ET.SubElement(
-        world, "geom", name="floor", type="plane", pos=_numbers(0, 0, down), size="0 0 1", material="floor",
-        contype="0", conaffinity="0",
-    )  # fmt: skip
-    ET.SubElement(
-        world, "camera", name="side", pos=_numbers(0, round(-2.6 * reach, 3), 0.1 * reach), xyaxes="1 0 0 0 0.1 1"
-    )
-    return _text(root)
+    return as_text(_Writer(mechanism, timestep).root())
 
 
 def write_model_folder(mechanism: Mechanism, folder: str | Path, timestep: float = 1e-3) -> tuple[Path, Path]:
     """Write `trebuchet.xml` and `scene.xml` into a folder, made if need be; neither is ever there half-written.
 
     Args:
-        mechanism: a tree of bodies.
+        mechanism: any.
         folder: where to; files of the same names are replaced.
         timestep: as :func:`mjcf` [s].
 
@@ -153,24 +113,27 @@ class _Writer:
         self.slide = dict(zip(mechanism.coordinates, mechanism.start, strict=True))
         self.slide_speed = dict(zip(mechanism.coordinates, speeds, strict=True))
         self.ranges: dict[str, list[float]] = {}
-        self.on_tendon = tuple(stop for stop in mechanism.stops if not self._fits_its_joint(stop))
+        self.points = Points(mechanism)
+        self.on_tendon = tuple(stop for stop in mechanism.angle_stops if not self._fits_its_joint(stop))
 
     def root(self) -> ET.Element:
         """The `mujoco` element."""
         root = ET.Element("mujoco", model=self.mechanism.name)
         root.append(ET.Comment(" Written by trebucheck.models.mjcf_writer; see README.md for signs and stops. "))
         ET.SubElement(root, "compiler", angle="radian", autolimits="false")
-        option = ET.SubElement(root, "option", timestep=_number(self.timestep), integrator="RK4", tolerance="1e-30")
-        option.set("gravity", _numbers(0, 0, -self.mechanism.gravity))
-        ET.SubElement(option, "flag", contact="disable")
+        option = ET.SubElement(root, "option", timestep=number(self.timestep), integrator="RK4", tolerance="1e-30")
+        option.set("gravity", numbers(0, 0, -self.mechanism.gravity))
+        if not self.points.walls:
+            ET.SubElement(option, "flag", contact="disable")
         self._add_defaults(ET.SubElement(root, "default"))
         self._add_world(ET.SubElement(root, "worldbody"))
+        self.points.add_constraints(root, self.timestep)
         if self.on_tendon:
             self._add_tendons(ET.SubElement(root, "tendon"))
         self._add_sensors(ET.SubElement(root, "sensor"))
         keyframe = ET.SubElement(root, "keyframe")
         start = list(self._start_speeds(GROUND))
-        ET.SubElement(keyframe, "key", name=START_KEY, qpos=_numbers(*[0.0] * len(start)), qvel=_numbers(*start))
+        ET.SubElement(keyframe, "key", name=START_KEY, qpos=numbers(*[0.0] * len(start)), qvel=numbers(*start))
         return root
 
     def _gap(self, stop: Stop) -> float:
@@ -212,16 +175,19 @@ class _Writer:
     def _add_defaults(self, default: ET.Element) -> None:
         # A time constant of two steps and the greatest impedance MuJoCo takes: errors of the stops' softness
         # then fall with the square of the step.
-        stiff = {"solreflimit": _numbers(2 * self.timestep, 1), "solimplimit": "0.9999 0.9999 0.001 0.5 2"}
-        ET.SubElement(default, "joint", stiff, axis="0 1 0", margin=_number(MARGIN))
-        ET.SubElement(default, "tendon", stiff, margin=_number(MARGIN))
+        solref, solimp = numbers(2 * self.timestep, 1), "0.9999 0.9999 0.001 0.5 2"
+        stiff = {"solreflimit": solref, "solimplimit": solimp}
+        ET.SubElement(default, "joint", stiff, axis="0 1 0", margin=number(MARGIN))
+        ET.SubElement(default, "tendon", stiff, margin=number(MARGIN))
         ET.SubElement(default, "geom", group="2", contype="0", conaffinity="0", mass="0")
-        ET.SubElement(default, "site", group="4", size=_number(0.01 * _reach(self.mechanism)))
+        ET.SubElement(default, "site", group="4", size=number(0.01 * reach_of(self.mechanism)))
+        self.points.add_defaults(default, solref, solimp, MARGIN)
 
     def _add_world(self, world: ET.Element) -> None:
-        for joint in self.mechanism.tree_joints:
+        for joint in (*self.mechanism.tree_joints, *self.mechanism.loop_joints):
             if joint.parent == GROUND:
-                self._add_stand(world, joint)
+                add_stand(self.mechanism, world, joint)
+        self.points.add_walls(world)
         self._add_sites(world, GROUND, (0.0, 0.0))
         for body in self.mechanism.children(GROUND):
             self._add_body(world, body)
@@ -229,16 +195,17 @@ class _Writer:
     def _add_body(self, parent: ET.Element, body: Body) -> None:
         joint = self._joint_of(body)
         turn = self.angle[body.name] - self.angle[joint.parent]
-        element = ET.SubElement(parent, "body", name=body.name, pos=self._place(joint), euler=_numbers(0, turn, 0))
+        element = ET.SubElement(parent, "body", name=body.name, pos=self._place(joint), euler=numbers(0, turn, 0))
         inertia = max(body.inertia, POINT_INERTIA)
         ET.SubElement(
-            element, "inertial", pos=_from(joint.child_point, body.centre), mass=_number(body.mass),
-            diaginertia=_numbers(inertia, inertia, inertia),
+            element, "inertial", pos=from_origin(joint.child_point, body.centre), mass=number(body.mass),
+            diaginertia=numbers(inertia, inertia, inertia),
         )  # fmt: skip
         self._add_joints(element, joint)
-        self._add_shapes(element, body, joint.child_point)
+        add_shapes(self.mechanism, element, body, joint.child_point)
         ET.SubElement(element, "site", name=f"{joint.name}/joint")
         self._add_sites(element, body.name, joint.child_point)
+        self.points.add_points(element, body, joint.child_point)
         for child in self.mechanism.children(body.name):
             self._add_body(element, child)
 
@@ -246,25 +213,25 @@ class _Writer:
         """Where a body's frame stands in its parent's at the start; MuJoCo's frames have their joint as origin."""
         if isinstance(joint, SlotJoint) and joint.coordinate is not None:
             s = self.slide[joint.coordinate]
-            return _spatial((joint.parent_point[0] + s * joint.axis[0], joint.parent_point[1] + s * joint.axis[1]))
+            return spatial((joint.parent_point[0] + s * joint.axis[0], joint.parent_point[1] + s * joint.axis[1]))
         if joint.parent == GROUND:
-            return _spatial(joint.parent_point)
-        return _from(self._joint_of(self.mechanism.body(joint.parent)).child_point, joint.parent_point)
+            return spatial(joint.parent_point)
+        return from_origin(self._joint_of(self.mechanism.body(joint.parent)).child_point, joint.parent_point)
 
     def _add_joints(self, element: ET.Element, joint: PinJoint | SlotJoint) -> None:
         if isinstance(joint, SlotJoint):
             # MuJoCo takes an axis in the child's frame as it stands at the start.
             axis = _turned_back(joint.axis, self.angle[joint.child])
-            ET.SubElement(element, "joint", name=slide_joint(joint.name), type="slide", axis=_spatial(axis))
+            ET.SubElement(element, "joint", name=slide_joint(joint.name), type="slide", axis=spatial(axis))
         hinge = ET.SubElement(element, "joint", name=joint.name, type="hinge")
         if joint.name in self.ranges:
             hinge.set("limited", "true")
-            hinge.set("range", _numbers(*self.ranges[joint.name]))
+            hinge.set("range", numbers(*self.ranges[joint.name]))
 
     def _add_sites(self, element: ET.Element, body: str, origin: Vector) -> None:
         for marker in self.mechanism.markers:
             if marker.body == body:
-                ET.SubElement(element, "site", name=marker.name, pos=_from(origin, marker.point))
+                ET.SubElement(element, "site", name=marker.name, pos=from_origin(origin, marker.point))
 
     def _add_tendons(self, tendon: ET.Element) -> None:
         """Stops that no joint's range can be: a limit on the sum of the hinges between the two bodies."""
@@ -273,53 +240,28 @@ class _Writer:
             weights = {name: 1 for name in up if name not in down} | {name: -1 for name in down if name not in up}
             if not weights:
                 raise UnsupportedProblemError(f"stop {stop.name!r} holds {stop.body!r} against itself.")
-            fixed = ET.SubElement(tendon, "fixed", name=stop.name, limited="true", range=_numbers(*self._range(stop)))
+            fixed = ET.SubElement(tendon, "fixed", name=stop.name, limited="true", range=numbers(*self._range(stop)))
             for name, weight in weights.items():
                 ET.SubElement(fixed, "joint", joint=name, coef=str(weight))
 
     def _add_sensors(self, sensor: ET.Element) -> None:
         for stop in self.mechanism.stops:
-            if stop in self.on_tendon:
+            if isinstance(stop, PointStop):
+                self.points.add_stop_sensor(sensor, stop)
+            elif stop in self.on_tendon:
                 ET.SubElement(sensor, "tendonlimitfrc", name=torque_sensor(stop.name), tendon=stop.name)
             else:
                 joint = self._joint_of(self.mechanism.body(stop.body)).name
                 ET.SubElement(sensor, "jointlimitfrc", name=torque_sensor(stop.name), joint=joint)
         for joint in self.mechanism.tree_joints:
             ET.SubElement(sensor, "force", name=force_sensor(joint.name), site=f"{joint.name}/joint")
+        self.points.add_force_sensors(sensor)
         for marker in self.mechanism.markers:
             of = {"objtype": "site", "objname": marker.name}
             ET.SubElement(sensor, "framepos", of, name=position_sensor(marker.name))
             ET.SubElement(sensor, "framelinvel", of, name=velocity_sensor(marker.name))
         ET.SubElement(sensor, "e_kinetic", name=KINETIC_ENERGY)
         ET.SubElement(sensor, "e_potential", name=POTENTIAL_ENERGY)
-
-    def _add_shapes(self, element: ET.Element, body: Body, origin: Vector) -> None:
-        """Rods from the joint to whatever hangs on the body, and a ball for a point mass: only to be looked at."""
-        colour = _COLOURS[self.mechanism.bodies.index(body) % len(_COLOURS)]
-        thick = 0.009 * _reach(self.mechanism) * (1.0 if body.inertia > 0 else 0.4)
-        for point in _ends(self.mechanism, body, origin):
-            ET.SubElement(
-                element, "geom", type="capsule", fromto=f"0 0 0 {_from(origin, point)}", size=_number(round(thick, 6)),
-                rgba=colour,
-            )  # fmt: skip
-        if body.inertia == 0:
-            radius = round((0.75 * body.mass / (math.pi * _DENSITY)) ** (1 / 3), 6)
-            ET.SubElement(
-                element, "geom", type="sphere", pos=_from(origin, body.centre), size=_number(radius), rgba=colour
-            )
-
-    def _add_stand(self, world: ET.Element, joint: PinJoint | SlotJoint) -> None:
-        """Two legs under a pin, or a rail on posts through a slot."""
-        reach, foot, (x, z) = _reach(self.mechanism), -_floor_depth(self.mechanism), joint.parent_point
-        if isinstance(joint, SlotJoint):
-            a, b = (round(0.6 * reach * component, 3) for component in joint.axis)
-            ends = ((x - a, z - b), (x + a, z + b))
-            rods = [(*ends[0], *ends[1]), *((*end, end[0], foot) for end in ends)]
-        else:
-            rods = [(x, z, x + step, foot) for step in (round(-0.2 * reach, 3), round(0.2 * reach, 3))]
-        look = {"type": "capsule", "size": _number(round(0.006 * reach, 6)), "rgba": "0.5 0.5 0.5 1"}
-        for x0, z0, x1, z1 in rods:
-            ET.SubElement(world, "geom", look, fromto=_numbers(x0, 0, z0, x1, 0, z1))
 
 
 def _by_name(mechanism: Mechanism, values: Sequence[float]) -> dict[str, float]:
@@ -331,54 +273,3 @@ def _turned_back(vector: Vector, angle: float) -> Vector:
     """A world direction in the frame of a body at an angle (positive clockwise)."""
     c, s = math.cos(angle), math.sin(angle)
     return (c * vector[0] - s * vector[1], s * vector[0] + c * vector[1])
-
-
-def _ends(mechanism: Mechanism, body: Body, origin: Vector) -> list[Vector]:
-    """Points of a body worth a rod from its joint."""
-    points = [joint.parent_point for joint in mechanism.tree_joints if joint.parent == body.name]
-    points = points or [body.centre]
-    return [point for point in dict.fromkeys(points) if math.dist(point, origin) > 0]
-
-
-def _reach(mechanism: Mechanism) -> float:
-    """A length no point of the machine is farther from its ground joints [m]; at least something."""
-    kinematics = Kinematics(mechanism)
-    n_bodies = len(mechanism.bodies)
-    rows = [kinematics.point(body.name, body.centre) for body in mechanism.bodies]
-    return round(max(float(abs(row.coefficients[:n_bodies]).sum()) for row in rows), 3) or 1.0
-
-
-def _floor_depth(mechanism: Mechanism) -> float:
-    return round(1.05 * _reach(mechanism), 3)
-
-
-def _add_materials(asset: ET.Element) -> None:
-    size = {"width": "256", "height": "256"}
-    sky, grass = {"rgb1": "0.75 0.85 0.95", "rgb2": "1 1 1"}, {"rgb1": "0.45 0.55 0.40", "rgb2": "0.50 0.60 0.45"}
-    ET.SubElement(asset, "texture", sky | size, type="skybox", builtin="gradient")
-    ET.SubElement(asset, "texture", grass | size, name="floor", type="2d", builtin="checker")
-    ET.SubElement(asset, "material", name="floor", texture="floor", texuniform="true", texrepeat="0.2 0.2")
-
-
-def _number(value: float) -> str:
-    """The shortest decimal that reads back to the same float64."""
-    text = repr(float(value) + 0.0)  # + 0.0 turns -0.0 into 0.0
-    return text.removesuffix(".0")
-
-
-def _numbers(*values: float) -> str:
-    return " ".join(_number(value) for value in values)
-
-
-def _spatial(vector: Vector) -> str:
-    """A planar vector in MuJoCo's x-z plane."""
-    return _numbers(vector[0], 0, vector[1])
-
-
-def _from(origin: Vector, point: Vector) -> str:
-    return _spatial((point[0] - origin[0], point[1] - origin[1]))
-
-
-def _text(root: ET.Element) -> str:
-    ET.indent(root, space="  ")
-    return ET.tostring(root, encoding="unicode") + "\n"

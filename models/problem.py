@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from typing import Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from .mechanism import Mechanism
 from .spec import Positive, Spec
+
+
+_CLOSED = 1e-9  # [m] how well loops of joints must close
 
 
 class StopLaw(StrEnum):
@@ -24,12 +28,23 @@ class Problem(Spec):
     """One run: a mechanism from its start at t = 0 to t = duration [s].
 
     Raises:
-        InputError: the duration is not positive and finite, or the law is unknown.
+        InputError: the duration is not positive and finite, the law is unknown, or a loop of joints is open at the
+            start.
     """
 
     mechanism: Mechanism
     duration: Positive = Field(default=3.0, le=1000.0, description="[s]")
     stop_law: StopLaw = StopLaw.RELEASE_ONCE
+
+    @model_validator(mode="after")
+    def _loops_close(self) -> Self:
+        for name, apart in self.mechanism.loops_apart.items():
+            if apart > _CLOSED:
+                raise ValueError(
+                    f"start does not fit the joint {name!r}, which closes a loop: its points stand apart by "
+                    f"{apart:.3g} m"
+                )
+        return self
 
     def __init__(self, mechanism: Mechanism, duration: float = 3.0, **fields: object) -> None:
         super().__init__(mechanism=mechanism, duration=duration, **fields)

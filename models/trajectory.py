@@ -67,7 +67,7 @@ class Trajectory:
     potential_energy: FloatArray
     """[J], shape (n,), zero at the fulcrum's height at the start."""
     stop_torques: Mapping[str, FloatArray]
-    """[N m], each of shape (n,), >= 0 while the stop pushes."""
+    """[N m, or N of a stop on a point], each of shape (n,), >= 0 while the stop pushes."""
     release_times: Mapping[str, float | None]
     """[s]; None for a stop that did not open (or was never closed)."""
     joint_reactions: Mapping[str, FloatArray]
@@ -87,7 +87,7 @@ class Trajectory:
         return _named("marker", name, self.markers)
 
     def stop_torque(self, name: str) -> FloatArray:
-        """Torque of a stop [N m], shape (n,).
+        """Torque of a stop [N m], or force of one on a point [N], shape (n,).
 
         Raises:
             InputError: there is no such stop, or the engine cannot observe it.
@@ -111,7 +111,7 @@ class Trajectory:
         return _named("joint reaction", name, self.joint_reactions)
 
     def stop_gap(self, name: str) -> FloatArray:
-        """Gap of a stop [rad], shape (n,), from q; negative where it is penetrated."""
+        """Gap of a stop [rad, or m for one on a point], shape (n,), from q; negative where it is penetrated."""
         return self.kinematics.gap(name, self.q)
 
     @cached_property
