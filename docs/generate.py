@@ -16,6 +16,7 @@ from trebucheck.comparisons import figures
 from trebucheck.comparisons.advice import Advice
 from trebucheck.comparisons.budget.results import Explanation
 from trebucheck.comparisons.campaign import Comparison
+from trebucheck.comparisons.claims.results import Study
 from trebucheck.comparisons.convergence.results import Studies
 from trebucheck.comparisons.results import Results
 from trebucheck.comparisons.summary import COLUMNS, step
@@ -68,6 +69,7 @@ def write_schemas() -> None:
     (ROOT / "comparisons" / "schemas" / "results.schema.json").write_text(schema_text(Results))
     (ROOT / "comparisons" / "schemas" / "converge.schema.json").write_text(schema_text(Studies))
     (ROOT / "comparisons" / "schemas" / "explain.schema.json").write_text(schema_text(Explanation))
+    (ROOT / "comparisons" / "schemas" / "paper.schema.json").write_text(schema_text(Study))
     (ROOT / "comparisons" / "schemas" / "recommend.schema.json").write_text(schema_text(Advice))
 
 

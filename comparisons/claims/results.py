@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from typing import Literal
 
 from pydantic import Field, JsonValue
 
@@ -37,6 +38,12 @@ class EngineValue(Spec):
     tolerance: Real | None = Field(default=None, description="its agreement bar: distance from ours that is allowed")
     note: str | None = None
 
+    def agrees(self, ours: Quantity | None) -> bool | None:
+        """Whether it lies within its tolerance of ours, which has its own uncertainty; None where that is not asked."""
+        if ours is None or self.value is None or self.tolerance is None:
+            return None
+        return abs(self.value - ours.value) <= self.tolerance + (ours.uncertainty or 0.0)
+
 
 class Claim(Spec):
     """One number (or order, or fact) of the paper against ours."""
@@ -51,6 +58,9 @@ class Claim(Spec):
     rule: str = Field(description="the rule that gave the verdict, in words")
     verdict: Verdict
     why: str = Field(default="", description="cause of a verdict other than 'holds'")
+    departure: Real | None = Field(
+        default=None, description="distance of ours from what is claimed, as its share; 1: a claimed fact is not there"
+    )
 
 
 class Series(Spec):
@@ -58,6 +68,10 @@ class Series(Spec):
 
     figure: str = Field(description="of the paper, such as 'Fig. 4'")
     name: str
+    kind: Literal["line", "points", "printed"] = Field(
+        default="line", description="ours: line; engines' and grids' samples: points; the paper's numbers: printed"
+    )
+    engine: str | None = Field(default=None, description="whose points they are, if an engine's")
     x: tuple[Real, ...]
     y: tuple[Real, ...]
     x_label: str = Field(description="with unit")

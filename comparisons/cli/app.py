@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from . import certifying, comparing, converging, engines, explaining, models, recommending, running, throwing
+from . import certifying, comparing, converging, engines, explaining, models, papering, recommending, running, throwing
 
 app = typer.Typer(
     name="trebucheck",
@@ -32,6 +32,7 @@ app.command("throw")(throwing.throw_command)
 app.command("certify")(certifying.certify_command)
 app.command("recommend")(recommending.recommend_command)
 app.command("converge")(converging.converge_command)
+app.command("paper")(papering.paper_command)
 app.command("engines")(engines.engines_command)
 app.add_typer(models.app, name="models")
 
@@ -87,8 +88,15 @@ def _refused(sentence: str) -> int:
 
 
 def _interrupted() -> int:
+    kept = ", ".join(_resumable())
     print(
-        "interrupted; runs that `compare` or `converge` has finished are kept: with --resume it goes on from there.",
+        f"interrupted; these commands keep the runs they have finished, and go on from there with --resume: {kept}.",
         file=sys.stderr,
     )
     return _INTERRUPTED
+
+
+def _resumable() -> list[str]:
+    """Names of the commands that take --resume."""
+    root = typer.main.get_group(app)
+    return sorted(name for name, command in root.commands.items() if any(o.name == "resume" for o in command.params))

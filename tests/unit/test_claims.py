@@ -158,7 +158,8 @@ def test_grid_points_around_lie_within_a_step() -> None:
 def test_claims_stand_in_the_papers_order() -> None:
     places = ["Sec. I", "Eq. (5)", "Secs. II, IV to VI", "Sec. III, Fig. 2", "Sec. IV", "Table II", "Sec. V, Fig. 5"]
     places += ["Secs. VI, VII", "Sec. VII"]
-    assert sorted(reversed(places), key=_order) == places
+    shuffled = places[4:] + places[:4]
+    assert sorted(shuffled, key=_order) == places
 
 
 @pytest.fixture
@@ -195,10 +196,9 @@ def test_the_summary_counts_and_ranks(small: Study) -> None:
 
 def test_the_page_stands_for_itself(small: Study) -> None:
     html = page(small)
-    assert "<script src" not in html
-    assert (
-        "http" not in html.replace(html[html.index("<script>") : html.index("</script>")], "").split("<svg")[0][:2000]
-    )
+    own = html.replace(html[html.index("<script>") : html.index("</script>")], "")  # plotly's code names addresses
+    assert 'src="' not in own
+    assert 'href="http' not in own
     assert "it &lt;crashed&gt;" in html  # a failed study is said, and escaped
     assert "Machines" in html  # a study that nobody renders is not lost
     for text in ("launch speed", "2.42:1", "not installed here", "Fig. 4", "Table I"):
@@ -212,6 +212,7 @@ def test_json_comes_back_and_keeps_to_its_schema(small: Study) -> None:
     jsonschema.validate(json.loads(small.to_json()), json.loads(published))
 
 
+@pytest.mark.slow  # four processes are started
 def test_a_job_that_dies_costs_only_itself() -> None:
     jobs = {"fine": _fine, "raises": _raises, "crashes": _crashes, "last": _fine}
     with begun(jobs, at_once=2, timeout=60.0) as running:

@@ -1,0 +1,158 @@
+"""The rules that turn a number of ours and what the paper says of it into a verdict; no verdict is typed in.
+
+Each rule is a function that returns a :class:`Judgement`: the verdict, the rule in words, and, where the claim does
+not simply hold, a sentence that says why, with the computed numbers in it. Which sentence it is follows from facts
+that were computed as well (:class:`Cause`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from .printed import parse
+from .results import Quantity, Verdict
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A verdict with its grounds."""
+
+    verdict: Verdict
+    rule: str
+    why: str = ""
+    departure: float | None = None
+    """How far ours lies from the claim, as a share of what is claimed; 1 where a claimed fact is not there at all."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A possible reason why a claim does not hold, and whether it was found to apply."""
+
+    applies: bool
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Our values at those points of the paper's own sampling that lie within one step of our point."""
+
+    step: str
+    """With unit, such as '0.005 s'."""
+    values: tuple[tuple[float, float], ...]
+    """Points of the grid, each with our value there."""
+
+    def reaches(self, low: float, high: float) -> bool:
+        """Whether the span of the values meets an interval: the grid cannot tell the two apart then."""
+        values = [value for _, value in self.values]
+        return bool(values) and min(values) <= high and max(values) >= low
+
+    @property
+    def words(self) -> str:
+        """Points and values, for a sentence."""
+        return ", ".join(f"{value:.5g} at {point:.5g}" for point, value in self.values)
+
+
+_PRINTED = "|ours - printed| is at most half a unit of the last printed digit plus our uncertainty"
+_ON_GRID = "; or the printed number lies within our values at the points of the paper's grid one step around ours"
+
+
+def as_printed(ours: Quantity, printed: str, grid: Grid | None = None, causes: Iterable[Cause] = ()) -> Judgement:
+    """A printed number: holds to its digits, or within the paper's own grid, or not."""
+    number = parse(printed)
+    allowed = number.half + (ours.uncertainty or 0.0)
+    apart = abs(ours.value - number.value)
+    departure = apart / abs(number.value) if number.value else 1.0
+    rule = _PRINTED + (_ON_GRID if grid else "")
+    # A value that stands exactly on the border of rounding may lose an ulp on its way here.
+    if apart <= allowed * (1 + 1e-12):
+        return Judgement(Verdict.HOLDS, rule, departure=departure)
+    if grid and grid.reaches(number.value - allowed, number.value + allowed):
+        why = f"ours is {_said(ours)}; on a grid of {grid.step} our values are {grid.words}, with {printed} among them"
+        return Judgement(Verdict.WITHIN_GRID, rule, why, departure)
+    return Judgement(Verdict.FAILS, rule, _why(f"ours is {_said(ours)}, {apart:.3g} away", causes), departure)
+
+
+def below(ours: Quantity, bound: str) -> Judgement:
+    """A bound: ours, with its uncertainty, is below it."""
+    limit = parse(bound).value
+    largest = abs(ours.value) + (ours.uncertainty or 0.0)
+    rule = "|ours| plus its uncertainty is below the bound"
+    if largest < limit:
+        return Judgement(Verdict.HOLDS, rule)
+    return Judgement(Verdict.FAILS, rule, f"ours is {_said(ours)}", largest / limit - 1 if limit else 1.0)
+
+
+def positive(margin: Quantity, what: str, causes: Iterable[Cause] = ()) -> Judgement:
+    """An order or a sign: the margin by which it holds is positive beyond its uncertainty.
+
+    Args:
+        what: the margin in words, for the rule.
+    """
+    rule = f"{what} is positive, by more than its uncertainty"
+    if margin.value > (margin.uncertainty or 0.0):
+        return Judgement(Verdict.HOLDS, rule)
+    return Judgement(Verdict.FAILS, rule, _why(f"it is {_said(margin)}", causes), 1.0)
+
+
+def vanishes(ours: Quantity, allowed: float, reason: str, causes: Iterable[Cause] = ()) -> Judgement:
+    """A difference that should not be there: at most what is allowed, for a stated reason, and our uncertainty."""
+    rule = f"|ours| is at most {allowed:.3g} {ours.unit}".rstrip() + f" ({reason}) plus our uncertainty"
+    if abs(ours.value) <= allowed + (ours.uncertainty or 0.0):
+        return Judgement(Verdict.HOLDS, rule)
+    return Judgement(Verdict.FAILS, rule, _why(f"it is {_said(ours)}", causes), 1.0)
+
+
+def coincides(ours: Quantity, resolution: float, reason: str, causes: Iterable[Cause] = ()) -> Judgement:
+    """Two things the paper finds in one place: they are, or they lie closer than its own sampling can tell.
+
+    Args:
+        ours: their distance.
+        resolution: what the paper can tell apart, in the unit of ours.
+        reason: where that comes from.
+    """
+    rule = f"the distance is nothing but our uncertainty; or at most {resolution:.3g} {ours.unit} ({reason})"
+    if abs(ours.value) <= (ours.uncertainty or 0.0):
+        return Judgement(Verdict.HOLDS, rule)
+    if abs(ours.value) <= resolution:
+        return Judgement(Verdict.WITHIN_GRID, rule, f"they lie {_said(ours)} apart, less than can be told")
+    return Judgement(Verdict.FAILS, rule, _why(f"they lie {_said(ours)} apart", causes), 1.0)
+
+
+def at_least(ours: Quantity, need: float, reason: str, causes: Iterable[Cause] = ()) -> Judgement:
+    """A quality: ours comes up to a stated need, for a stated reason."""
+    rule = f"ours is at least {need:g} {ours.unit}".rstrip() + f" ({reason})"
+    if ours.value >= need:
+        return Judgement(Verdict.HOLDS, rule)
+    departure = (need - ours.value) / abs(need) if need else 1.0
+    return Judgement(Verdict.FAILS, rule, _why(f"it is {_said(ours)}", causes), departure)
+
+
+def occurs(found: bool, what: str, causes: Iterable[Cause] = ()) -> Judgement:
+    """A fact: it was found in our computations, or it was not.
+
+    Args:
+        what: the fact in words, for the rule.
+    """
+    rule = f"found in our computations: {what}"
+    if found:
+        return Judgement(Verdict.HOLDS, rule)
+    return Judgement(Verdict.FAILS, rule, _why("it was not found", causes), 1.0)
+
+
+def not_told(missing: str) -> Judgement:
+    """What it would take to judge is not there.
+
+    Args:
+        missing: a sentence that says what.
+    """
+    return Judgement(Verdict.OPEN, "a datum is needed that is not there", missing)
+
+
+def _why(fact: str, causes: Iterable[Cause]) -> str:
+    applying = [cause.sentence for cause in causes if cause.applies]
+    return "; ".join([fact, *applying])
+
+
+def _said(ours: Quantity) -> str:
+    return f"{ours.value:.6g} {ours.unit}".rstrip()
