@@ -11,7 +11,9 @@ import numpy as np
 
 from ..models.arrays import FloatArray
 from ..models.mechanism import Mechanism
-from ._mujoco_model import Limit, limits, load, mujoco, start_data
+from ._mujoco_bias import Bias, equality_rows
+from ._mujoco_holds import Hold, rails, stop_holds
+from ._mujoco_model import load, mujoco, start_data
 from ._mujoco_read import IN_PLANE, absolute_from_relative
 from .inspection import Dynamics, Inspection, State
 
@@ -27,10 +29,13 @@ _AT_REST: Mapping[str, object] = {
     "iterations": 100,
     "solref": (-1e6, -1e3),
     "solimp": (0.9999, 0.9999, 0.001, 0.5, 2.0),
+    "moving_points": True,
 }
+# Points are pressed in by an acceleration, whatever their stiffness, and where they stand is rounded to some 1e-15 m:
+# with this one [1/s^2, 1/s], that is nothing.
+_POINTS_AT_REST = (-1.0, -1.0)
 _ROUNDS = 50  # of settling, at most; four do, unless the machine is close to a singular place
 _SETTLED = 1e-14  # change of the torques in a round, of the largest: rounding
-_REACH = 1e-12  # [rad] a limit acts when strictly nearer than its margin
 
 
 def inspect(mechanism: Mechanism, states: Sequence[State], options: MujocoEngine) -> Inspection:
@@ -40,7 +45,7 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: MujocoEngine
         SimulationError: MuJoCo refuses the model.
         UnsupportedProblemError: the mechanism cannot be written as MJCF, or starts with a stop's gap moving.
     """
-    built = _Built(mechanism, load(mechanism, options.model_copy(update=_AT_REST)))
+    built = _Built(mechanism, _at_rest(mechanism, options))
     start, start_speeds = built.start()
     return Inspection(
         start=start,
@@ -48,6 +53,13 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: MujocoEngine
         dynamics=tuple(built.dynamics(state) for state in states),
         total_mass=float(built.model.body_mass.sum()),
     )
+
+
+def _at_rest(mechanism: Mechanism, options: MujocoEngine) -> Any:
+    """The model with numerical options that make torques at rest exact."""
+    model = load(mechanism, options.model_copy(update=_AT_REST))
+    model.pair_solref[:], model.eq_solref[:] = _POINTS_AT_REST, _POINTS_AT_REST
+    return model
 
 
 @dataclass(frozen=True)
@@ -62,8 +74,16 @@ class _Built:
         return start_data(self.model)
 
     @cached_property
-    def limits(self) -> dict[str, Limit]:
-        return limits(self.mechanism, self.model)
+    def holds(self) -> dict[str, Hold]:
+        return stop_holds(self.mechanism, self.model)
+
+    @cached_property
+    def rails(self) -> list[Hold]:
+        return list(rails(self.mechanism, self.model))
+
+    @cached_property
+    def bias(self) -> Bias:
+        return Bias(self.model, moving=True)
 
     @cached_property
     def sums(self) -> FloatArray:
@@ -110,53 +130,47 @@ class _Built:
             mass_matrix=back.T @ mass @ back,
             forces=back.T @ forces,
             centres={body.name: data.body(body.name).xipos[IN_PLANE] for body in self.mechanism.bodies},
-            stop_gaps={name: self._gap(name) for name in self.limits},
+            stop_gaps={name: hold.gap(self.model, data) for name, hold in self.holds.items()},
         )
 
-    def _gap(self, name: str) -> float:
-        """Opening of a limit, as MuJoCo measures its joint or tendon [rad]; negative when pressed in."""
-        limit, stop = self.limits[name], self.mechanism.stop(name)
-        if limit.element == "tendon":
-            value = self.data.ten_length[limit.index]
-        else:
-            value = self.data.qpos[self.model.jnt_qposadr[limit.index]]
-        return float(stop.sense * (value - limit.range[limit.end]))
-
     def _torques_at_rest(self, closed: Sequence[str]) -> dict[str, float]:
-        """Press the closed limits in until none accelerates any more; their torques are then a rigid stop's [N m].
+        """Press what holds in until none of it accelerates any more; its forces are then a rigid one's [N m or N].
 
-        What :func:`._mujoco_model.preload` does at the start, but wherever the limit stands, and until it has settled.
+        What :func:`._mujoco_model.preload` does at the start, but wherever a stop stands, and until it has settled.
         """
-        self._open_all()
-        mujoco.mj_forward(self.model, self.data)
-        for name in closed:
-            self._set_margin(name, self._gap(name) + _REACH)
-        torques = np.zeros(len(closed))
+        self.bias.walls.clear()
+        self.bias.ties.clear()
+        for hold in self.holds.values():
+            hold.open(self.model, self.bias)
+        with self.bias.applied():
+            self._forward()
+            holds = [self.holds[name] for name in closed]
+            for hold in holds:
+                hold.close(self.model, self.data, self.bias)
+            self._settle([*holds, *self.rails])
+        return {name: self._force(hold) for name, hold in zip(closed, holds, strict=True)}
+
+    def _settle(self, holds: list[Hold]) -> None:
+        forces = np.zeros(0)
         for _ in range(_ROUNDS):
-            mujoco.mj_forward(self.model, self.data)
-            before, torques = torques, np.array([self._torque(name) for name in closed])
-            if np.abs(torques - before).max(initial=0.0) <= _SETTLED * np.abs(torques).max(initial=0.0):
+            self._forward()
+            before, forces = forces, np.array([*map(self._force, holds), *self._ties()])
+            change = np.abs(forces - before).max(initial=0.0) if len(before) else np.inf
+            if change <= _SETTLED * np.abs(forces).max(initial=0.0):
                 break
-            for name in closed:
-                self._press(name)
-        return dict(zip(closed, torques.tolist(), strict=True))
+            for hold in holds:
+                hold.press(self.model, self.data, self.bias)
+            self.bias.press_ties(self.data)
 
-    def _open_all(self) -> None:
-        """No margins: an open stop's limit stays out of it, one that is pressed in by mistake shows."""
-        self.model.jnt_margin[:], self.model.tendon_margin[:] = 0.0, 0.0
+    def _forward(self) -> None:
+        self.bias.restart()
+        mujoco.mj_forward(self.model, self.data)
 
-    def _set_margin(self, name: str, margin: float) -> None:
-        limit = self.limits[name]
-        getattr(self.model, f"{limit.element}_margin")[limit.index] = margin
-
-    def _torque(self, name: str) -> float:
-        row = self.limits[name].row(self.data)
+    def _force(self, hold: Hold) -> float:
+        row = hold.row(self.data)
         return 0.0 if row is None else float(self.data.efc_force[row])
 
-    def _press(self, name: str) -> None:
-        """Set the limit's margin so that its reference acceleration k d (margin - gap) is what R f takes from it."""
-        row, data = self.limits[name].row(self.data), self.data
-        if row is not None and data.efc_force[row] > 0:
-            stiffness, _, impedance, _ = data.efc_KBIP[row]
-            press = data.efc_R[row] * data.efc_force[row] / (stiffness * impedance)
-            self._set_margin(name, float(data.efc_pos[row] + press))
+    def _ties(self) -> FloatArray:
+        """Forces of the equalities [N]."""
+        rows = [equality_rows(self.data, index) for index in range(self.model.neq)]
+        return self.data.efc_force[np.concatenate(rows)] if rows else np.zeros(0)

@@ -1,17 +1,20 @@
-"""The loaded model: options, limits that can be taken out, and preload."""
+"""The loaded model: options, softness and preload."""
 
 from __future__ import annotations
 
 import importlib
-from dataclasses import dataclass
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..models.errors import SimulationError, UnsupportedProblemError
 from ..models.kinematics import Kinematics
-from ..models.mechanism import Mechanism
-from ..models.mjcf_writer import FAR, START_KEY, mjcf, torque_sensor
+from ..models.mechanism import Mechanism, PointStop
+from ..models.mjcf_points import felt_from
+from ..models.mjcf_writer import MARGIN, START_KEY, mjcf
+from ._mujoco_bias import CALLBACK, Bias
+from ._mujoco_holds import Hold, Wall, stop_holds
 
 if TYPE_CHECKING:
     from .mujoco_ import MujocoEngine
@@ -19,31 +22,6 @@ if TYPE_CHECKING:
 mujoco: Any = importlib.import_module("mujoco")  # it carries no types
 
 _SETTLING = 6  # preload iterations, each of which gains the four digits of 1 - d
-
-
-@dataclass(frozen=True)
-class Limit:
-    """A stop as the limit of a joint or of a tendon."""
-
-    stop: str
-    element: str
-    """'jnt' or 'tendon', the prefix of the model's arrays."""
-    index: int
-    end: int
-    """0 for the lower end of the range, 1 for the upper."""
-    constraint: int
-    """Type of its rows among MuJoCo's constraints."""
-    range: tuple[float, float]
-    """Of the joint or tendon, before anything was removed [rad]."""
-
-    def remove(self, model: Any) -> None:
-        """Take the limit out of the model; the other end of the range stays."""
-        getattr(model, f"{self.element}_range")[self.index, self.end] = FAR if self.end else -FAR
-
-    def row(self, data: Any) -> int | None:
-        """Its row among the constraints that are present; None if it is out of reach."""
-        found = np.flatnonzero((data.efc_type == self.constraint) & (data.efc_id == self.index))
-        return int(found[0]) if len(found) else None
 
 
 def load(mechanism: Mechanism, options: MujocoEngine) -> Any:
@@ -56,7 +34,8 @@ def load(mechanism: Mechanism, options: MujocoEngine) -> Any:
     _refuse_moving_gaps(mechanism)
     text = mjcf(mechanism, options.timestep)
     try:
-        model = mujoco.MjModel.from_xml_string(text)
+        with CALLBACK:  # MuJoCo's compiler calls it, too, with a model that Python does not know
+            model = mujoco.MjModel.from_xml_string(text)
     except ValueError as error:
         raise SimulationError(f"MuJoCo refuses the model of {mechanism.name!r}: {error}") from error
     model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{options.integrator.upper()}")
@@ -69,28 +48,54 @@ def load(mechanism: Mechanism, options: MujocoEngine) -> Any:
     model.jnt_solref[:], model.tendon_solref_lim[:] = solref, solref
     model.jnt_solimp[:], model.tendon_solimp_lim[:] = options.solimp, options.solimp
     model.jnt_margin[:], model.tendon_margin[:] = options.margin, options.margin
+    of_points = options.solref or _scaled_softness(options, kept=options.moving_points)
+    model.pair_solref[:], model.pair_solimp[:] = of_points, options.solimp
+    model.eq_solref[:], model.eq_solimp[:] = of_points, options.solimp
+    for wall in _stop_walls(mechanism, model):
+        if _is_biased(options):
+            model.pair_margin[wall.index] = felt_from(mechanism, options.timestep)
+        else:  # the file's is that of rounding at the machine's size
+            model.pair_margin[wall.index] *= options.margin / MARGIN
     return model
 
 
-def _scaled_softness(options: MujocoEngine) -> tuple[float, float]:
-    """Softness of the limits, -stiffness and -damping [1/s^2, 1/s]; errors fall with the square of the step.
+def bias_of(mechanism: Mechanism, model: Any, options: MujocoEngine) -> Bias:
+    """What is to be changed of the reference accelerations of contacts and equalities: by stock options, nothing."""
+    if not _is_biased(options) or not (model.npair or model.neq):
+        return Bias(model, moving=False)
+    return Bias(model, options.moving_points, {wall.geoms: 0.0 for wall in _stop_walls(mechanism, model)})
 
-    Twice the damping is critical and has the least rebound; a one-stage integrator throws the joint about with it,
-    and settles in one step with half of that.
+
+def _is_biased(options: MujocoEngine) -> bool:
+    return options.moving_points or options.preload
+
+
+def _stop_walls(mechanism: Mechanism, model: Any) -> list[Wall]:
+    return [hold for hold in stop_holds(mechanism, model).values() if isinstance(hold, Wall)]
+
+
+def _scaled_softness(options: MujocoEngine, kept: bool = False) -> tuple[float, float]:
+    """Softness of limits, contacts and equalities, -stiffness and -damping [1/s^2, 1/s].
+
+    Scaled so, errors fall with the square of the step. Twice the damping is critical and has the least rebound; a
+    one-stage integrator throws the joint about with it, and settles in one step with half of that. Feedback that is
+    kept through a step of RK4 has a constraint at rest after two with one and a half: the matrix
+    ((1 - K/2, 1 - B/2), (-K, 1 - B)) from one step to the next, with K = k h^2 = 1 and B = b h, is then nilpotent.
     """
-    damping = 2.0 if options.integrator == "RK4" else 1.0
+    damping = 1.0 if options.integrator != "RK4" else 1.5 if kept else 2.0
     return -1.0 / options.timestep**2, -damping / options.timestep
 
 
 def _refuse_moving_gaps(mechanism: Mechanism) -> None:
     if not mechanism.start_speeds:
         return
-    kinematics, speeds = Kinematics(mechanism), np.array(mechanism.start_speeds)
+    kinematics, start, speeds = Kinematics(mechanism), np.array(mechanism.start), np.array(mechanism.start_speeds)
     for stop in mechanism.stops:
-        speed = float(kinematics.gap_row(stop.name) @ speeds)
-        if stop.closed and abs(speed) > 1e-12:
+        terms = kinematics.gap_gradient(stop.name, start) * speeds
+        speed, unit = float(terms.sum()), "m/s" if isinstance(stop, PointStop) else "rad/s"
+        if stop.closed and abs(speed) > 1e-12 * max(1.0, float(np.abs(terms).max())):
             raise UnsupportedProblemError(
-                f"stop {stop.name!r} is closed at the start while its gap moves at {speed:.3g} rad/s; MuJoCo would "
+                f"stop {stop.name!r} is closed at the start while its gap moves at {speed:.3g} {unit}; MuJoCo would "
                 f"begin with an impact or a parting."
             )
 
@@ -102,39 +107,22 @@ def start_data(model: Any) -> Any:
     return data
 
 
-def limits(mechanism: Mechanism, model: Any) -> dict[str, Limit]:
-    """Each stop's limit, by the stop's name."""
-    of_joint, types = mujoco.mjtSensor.mjSENS_JOINTLIMITFRC, mujoco.mjtConstraint
-    found: dict[str, Limit] = {}
-    for stop in mechanism.stops:
-        sensor = model.sensor(torque_sensor(stop.name))
-        on_joint = int(sensor.type[0]) == of_joint
-        element, index = "jnt" if on_joint else "tendon", int(sensor.objid[0])
-        low, high = getattr(model, f"{element}_range")[index]
-        found[stop.name] = Limit(
-            stop=stop.name,
-            element=element,
-            index=index,
-            end=0 if stop.sense > 0 else 1,
-            constraint=int(types.mjCNSTR_LIMIT_JOINT if on_joint else types.mjCNSTR_LIMIT_TENDON),
-            range=(float(low), float(high)),
-        )
-    return found
-
-
-def preload(model: Any, data: Any, closed: list[Limit]) -> None:
-    """Press the closed limits in as far as their softness would let them be, so that nothing has to settle.
+def preload(model: Any, data: Any, closed: Iterable[Hold], bias: Bias) -> None:
+    """Press what holds in as far as its softness would let it be, so that nothing has to settle.
 
     A soft limit carries a torque f only once it gives way by R f / (k d): standing exactly at its limit it starts
     1 - d too weak and takes some ten time constants to settle. The margin is as good as a penetration and leaves
-    the start where it is.
+    the start where it is; contacts and equalities are given the acceleration R f instead.
     """
     for _ in range(_SETTLING):
+        _forward(model, data, bias)
+        for hold in closed:
+            hold.press(model, data, bias)
+        bias.press_ties(data)
+    _forward(model, data, bias)
+
+
+def _forward(model: Any, data: Any, bias: Bias) -> None:
+    with bias.applied():
+        bias.restart()
         mujoco.mj_forward(model, data)
-        for limit in closed:
-            row = limit.row(data)
-            if row is not None and data.efc_force[row] > 0:
-                stiffness, _, impedance, _ = data.efc_KBIP[row]
-                press = data.efc_R[row] * data.efc_force[row] / (stiffness * impedance)
-                getattr(model, f"{limit.element}_margin")[limit.index] = press
-    mujoco.mj_forward(model, data)

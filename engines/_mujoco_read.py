@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..models.arrays import FloatArray
-from ..models.mechanism import Mechanism
+from ..models.mechanism import Mechanism, PinJoint, SlotJoint
 from ..models.mjcf_writer import (
     KINETIC_ENERGY,
     POTENTIAL_ENERGY,
@@ -21,7 +21,7 @@ from ..models.mjcf_writer import (
     velocity_sensor,
 )
 from ..models.trajectory import PointMotion
-from ._mujoco_model import Limit
+from ._mujoco_holds import Hold
 from .protocol import Recording
 
 IN_PLANE = [0, 2]  # MuJoCo's x and z are our x and y
@@ -69,26 +69,28 @@ class _Reader:
             for marker in self.mechanism.markers
         }
 
-    def torque(self, limit: Limit) -> FloatArray:
-        """A stop's torque [N m]; where two stops are the ends of one range, the nearer one has the sensor's."""
-        torque = self.sensor(torque_sensor(limit.stop))[:, 0]
-        if limit.element == "tendon":
-            return torque
-        value = self.positions[:, int(self.model.jnt_qposadr[limit.index])]
-        own, other = limit.range[limit.end], limit.range[1 - limit.end]
-        return np.where(np.abs(value - own) < np.abs(value - other), torque, 0.0)
+    def torque(self, stop: str, hold: Hold) -> FloatArray:
+        """A stop's torque [N m], or force [N] if it is on a point."""
+        return hold.torque(self.sensor(torque_sensor(stop))[:, 0], self.positions, self.model)
 
     def reactions(self, q: FloatArray) -> dict[str, FloatArray]:
-        """Forces on the children in the world frame [N]: MuJoCo gives those on the parents in the child's."""
-        found: dict[str, FloatArray] = {}
-        for i, joint in enumerate(self.mechanism.tree_joints):
-            a, b = self.sensor(force_sensor(joint.name))[:, IN_PLANE].T
-            cos, sin = np.cos(q[:, i]), np.sin(q[:, i])
-            found[joint.name] = np.stack([a * cos + b * sin, b * cos - a * sin], axis=1)
-        return found
+        """Forces on the children in the world frame [N]: MuJoCo gives those of the tree in the child's frame.
+
+        A joint that closes a loop holds a welded body without mass, whose force from the body it is welded to is
+        MuJoCo's: the joint's is the opposite.
+        """
+        angles = {body.name: q[:, i] for i, body in enumerate(self.mechanism.bodies)}
+        tree = {joint.name: self._turned(joint, angles) for joint in self.mechanism.tree_joints}
+        return tree | {joint.name: -self._turned(joint, angles) for joint in self.mechanism.loop_joints}
+
+    def _turned(self, joint: PinJoint | SlotJoint, angles: Mapping[str, FloatArray]) -> FloatArray:
+        """A force sensor's values in the world frame, shape (n, 2)."""
+        a, b = self.sensor(force_sensor(joint.name))[:, IN_PLANE].T
+        cos, sin = np.cos(angles[joint.child]), np.sin(angles[joint.child])
+        return np.stack([a * cos + b * sin, b * cos - a * sin], axis=1)
 
 
-def recording(mechanism: Mechanism, model: Any, limits: Mapping[str, Limit], samples: Samples) -> Recording:
+def recording(mechanism: Mechanism, model: Any, holds: Mapping[str, Hold], samples: Samples) -> Recording:
     """The samples as the engines' common record."""
     states = np.concatenate(samples.states)
     n_q, n_v = int(model.nq), int(model.nv)
@@ -103,7 +105,7 @@ def recording(mechanism: Mechanism, model: Any, limits: Mapping[str, Limit], sam
         markers=reader.markers(),
         kinetic_energy=reader.sensor(KINETIC_ENERGY)[:, 0],
         potential_energy=reader.sensor(POTENTIAL_ENERGY)[:, 0],
-        stop_torques={name: reader.torque(limit) for name, limit in limits.items()},
+        stop_torques={name: reader.torque(name, hold) for name, hold in holds.items()},
         release_times=samples.releases,
         joint_reactions=reader.reactions(q),
         steps=samples.steps,

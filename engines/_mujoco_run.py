@@ -13,7 +13,8 @@ from ..models.arrays import FloatArray
 from ..models.errors import SimulationError
 from ..models.mjcf_writer import torque_sensor
 from ..models.problem import Problem, StopLaw
-from ._mujoco_model import limits, load, mujoco, preload, start_data
+from ._mujoco_holds import rails, stop_holds
+from ._mujoco_model import bias_of, load, mujoco, preload, start_data
 from ._mujoco_read import Samples, recording
 from .protocol import Recording
 
@@ -38,8 +39,9 @@ def run(problem: Problem, options: MujocoEngine) -> Recording:
     stepper = _Stepper(problem, options)
     with _warnings_raised():
         stepper.begin()
-        stepper.proceed()
-    return recording(problem.mechanism, stepper.model, stepper.limits, stepper.samples)
+        with stepper.bias.applied():
+            stepper.proceed()
+    return recording(problem.mechanism, stepper.model, stepper.holds, stepper.samples)
 
 
 @contextmanager
@@ -63,22 +65,25 @@ class _Stepper:
         self.problem, self.options = problem, options
         self.model = load(problem.mechanism, options)
         self.data = start_data(self.model)
-        self.limits = limits(problem.mechanism, self.model)
-        self.columns = {name: int(self.model.sensor(torque_sensor(name)).adr[0]) for name in self.limits}
+        self.holds = stop_holds(problem.mechanism, self.model)
+        self.bias = bias_of(problem.mechanism, self.model, options)
+        self.columns = {name: int(self.model.sensor(torque_sensor(name)).adr[0]) for name in self.holds}
         self.holding = [stop.name for stop in problem.mechanism.stops if stop.closed]
         self.removes = problem.stop_law is StopLaw.RELEASE_ONCE and not options.keep_limits
-        self.samples = Samples(dict.fromkeys(self.limits))
+        self.samples = Samples(dict.fromkeys(self.holds))
         self.size = mujoco.mj_stateSize(self.model, _STATE)
 
     def begin(self) -> None:
         """Decide which stops push, and record the start."""
         if self.removes:
-            for name in self.limits.keys() - set(self.holding):
-                self.limits[name].remove(self.model)
-        mujoco.mj_forward(self.model, self.data)
-        self._release(self._slack(), 0.0)
+            for name in self.holds.keys() - set(self.holding):
+                self.holds[name].remove(self.model)
+        with self.bias.applied():
+            self._forward()
+            self._release(self._slack(), 0.0)
         if self.options.preload:
-            preload(self.model, self.data, [self.limits[name] for name in self.holding])
+            closed = [self.holds[name] for name in self.holding] + rails(self.problem.mechanism, self.model)
+            preload(self.model, self.data, closed, self.bias)
         self._record(0.0)
 
     def proceed(self) -> None:
@@ -121,11 +126,12 @@ class _Stepper:
         """States and sensors after each of n time steps, by MuJoCo's loop; shapes (n, n_state), (n, n_sensor)."""
         pieces = self._pieces()
         self.model.opt.timestep = self.options.timestep / pieces
+        self.bias.restart()
         states, sensed = _rollout.rollout(self.model, self.data, before[None], nstep=n * pieces)
         self.samples.steps += n * pieces
         # Its sensors are those before each step, and the data are left at the last stage of RK4.
         self._restore(states[0, -1])
-        mujoco.mj_forward(self.model, self.data)
+        self._forward()
         after = np.concatenate([sensed[0, 1:], self.data.sensordata[None]])
         return states[0, pieces - 1 :: pieces], after[pieces - 1 :: pieces]
 
@@ -168,9 +174,15 @@ class _Stepper:
         pieces = self._pieces()
         self._restore(before)
         self.model.opt.timestep = step / pieces
+        self.bias.restart()
         mujoco.mj_step(self.model, self.data, pieces)
-        mujoco.mj_forward(self.model, self.data)
+        self._forward()
         self.samples.steps += pieces
+
+    def _forward(self) -> None:
+        """Find the forces of the state as it stands."""
+        self.bias.restart()
+        mujoco.mj_forward(self.model, self.data)
 
     def _slack(self) -> list[str]:
         """Stops that were holding and now carry no torque."""
@@ -183,8 +195,8 @@ class _Stepper:
                 self.samples.releases[name] = t
                 self.holding.remove(name)
                 if self.removes:
-                    self.limits[name].remove(self.model)
-            mujoco.mj_forward(self.model, self.data)
+                    self.holds[name].remove(self.model)
+            self._forward()
             slack = self._slack()
 
     def _state(self) -> FloatArray:

@@ -1,4 +1,4 @@
-"""MuJoCo: a tree of relative joints whose stops are soft limits."""
+"""MuJoCo: a tree of relative joints whose stops are soft limits and contacts, and whose loops are soft ties."""
 
 from __future__ import annotations
 
@@ -24,6 +24,12 @@ class MujocoEngine(BuiltinEngine):
     a limit is taken out of the model when it releases, and those open at the start are out from the beginning;
     under the unilateral law all stay in, and an impact is that of a stiff, damped spring, spread over some steps.
 
+    Stops on points are frictionless contacts of a ball with a plane, slots that close a loop are two of them, pins
+    that do are `connect` equalities. MuJoCo holds points only roughly: it leaves the acceleration that a point has
+    from the speeds alone out of contacts, and scaled with the step a stiff reference acceleration follows the inner
+    stages of RK4. The tuned preset mends both in `mjcb_control` (:mod:`._mujoco_bias`); they then give way by some
+    1e-9 m at 1e-3 s.
+
     The stock preset leaves every limit in the model for the whole run, as a newcomer would, whatever the law: it
     keeps to release-once only while no stop is met again. It calls a stop released at the end of the first step
     after which its limit carries no torque.
@@ -39,7 +45,8 @@ class MujocoEngine(BuiltinEngine):
         joint_gaps=False,
         located_releases=True,
         stop_laws=frozenset(StopLaw),
-        formulation="minimal relative joints, stops as soft joint limits (convex optimisation), RK4; "
+        formulation="minimal relative joints, stops and loops as soft limits, contacts and equalities "
+        "(convex optimisation), RK4; "
         "releases located inside a step (stock: at its end, and limits never removed)",
     )
     # The documentation sends those who want energy conserved to RK4; the rest are its defaults.
@@ -50,6 +57,7 @@ class MujocoEngine(BuiltinEngine):
         "solimp": (0.9, 0.95, 0.001, 0.5, 2.0),
         "locate_releases": False,
         "preload": False,
+        "moving_points": False,
         "keep_limits": True,
     }
 
@@ -67,19 +75,27 @@ class MujocoEngine(BuiltinEngine):
     iterations: int = Field(default=100, ge=1, le=10_000, description="of the solver, at most")
     solref: tuple[Real, Real] | None = Field(
         default=None,
-        description="reference of the limits: time constant [s] and damping ratio if positive, -stiffness [1/s^2] and "
-        "-damping [1/s] if negative; None: scaled with the time step",
+        description="reference of limits, contacts and equalities: time constant [s] and damping ratio if positive, "
+        "-stiffness [1/s^2] and -damping [1/s] if negative; None: scaled with the time step",
     )
     solimp: tuple[_Impedance, _Impedance, NonNegative, Real, Real] = Field(
         default=(0.9999, 0.9999, 0.001, 0.5, 2.0),
-        description="impedance of the limits: d0, d_width, width, midpoint, power",
+        description="impedance of limits, contacts and equalities: d0, d_width, width, midpoint, power",
     )
     margin: NonNegative = Field(
-        default=1e-12, le=1e-2, description="nearer than this to its limit, a joint feels it [rad]; 0 misses the start"
+        default=1e-12,
+        le=1e-2,
+        description="nearer than this to its limit, a joint feels it [rad]; 0 misses the start. A point feels a wall "
+        "from this times the machine's size [m], or from farther off where points are held exactly",
     )
     locate_releases: bool = Field(default=True, description="find a release inside its step, not at the step's end")
     preload: bool = Field(
         default=True, description="press the closed limits in at the start, so that their torques are right from t = 0"
+    )
+    moving_points: bool = Field(
+        default=True,
+        description="hold points exactly: with the acceleration that a point has from the speeds alone, which MuJoCo "
+        "leaves out of contacts, and the same feedback through all stages of a step",
     )
     keep_limits: bool = Field(
         default=False, description="leave released and open limits in the model even under the release-once law"

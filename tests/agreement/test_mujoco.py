@@ -318,9 +318,3 @@ def test_a_closed_stop_must_not_move_at_the_start() -> None:
     level = Stop(name="level", body="lower", sense=1, limit=0.2, closed=True)
     with pytest.raises(UnsupportedProblemError, match="level"):
         MujocoEngine().simulate(Problem(chain(stops=(level,)), 0.1))
-
-
-def test_loops_are_refused() -> None:
-    loop = PinJoint(name="loop pin", parent=GROUND, child="lower", parent_point=(1, 1), child_point=(0, 0))
-    with pytest.raises(UnsupportedProblemError, match="loop pin"):
-        MujocoEngine().simulate(Problem(chain(joints=(*chain().joints, loop)), 0.1))

@@ -7,16 +7,20 @@ import xml.etree.ElementTree as ET
 from importlib.resources import files
 from pathlib import Path
 
+import numpy as np
 import pytest
 from trebucheck.models import mjcf_writer
 from trebucheck.models.errors import InputError, UnsupportedProblemError
-from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, SlotJoint, Stop
+from trebucheck.models.kinematics import Kinematics
+from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.mjcf_writer import FAR, MODEL_FILE, SCENE_FILE, mjcf, scene, write_model_folder
 from trebucheck.models.parameters import TrebuchetParameters
+from trebucheck.models.registry import model, models
 from trebucheck.models.trebuchet import fixed, rolling
 
 MACHINES = {"fixed": fixed, "rolling": rolling}
 machines = pytest.mark.parametrize("name", MACHINES)
+every_model = pytest.mark.parametrize("name", models())
 
 
 def committed(name: str) -> Path:
@@ -53,13 +57,13 @@ def limit_of(root: ET.Element, tag: str, name: str) -> tuple[float, float]:
     return low, high
 
 
-@machines
+@every_model
 def test_the_committed_files_are_what_the_writer_writes(name: str, tmp_path: Path) -> None:
-    for path in write_model_folder(MACHINES[name](), tmp_path):
+    for path in write_model_folder(model(name), tmp_path):
         assert path.read_bytes() == (committed(name) / path.name).read_bytes()
 
 
-@machines
+@every_model
 def test_a_folder_is_complete(name: str) -> None:
     present = {path.name for path in committed(name).iterdir()}
     assert {"README.md", "LICENSE", "CHANGELOG.md", MODEL_FILE, SCENE_FILE} <= present
@@ -140,24 +144,88 @@ def test_start_speeds_are_relative_and_slides_come_first() -> None:
     )
 
 
-@machines
+@every_model
 def test_nothing_drawn_has_mass_or_touches(name: str) -> None:
-    root = parsed(MACHINES[name]())
+    root = parsed(model(name))
     default = root.find("default/geom")
     assert default is not None
     assert (default.get("mass"), default.get("contype"), default.get("conaffinity")) == ("0", "0", "0")
-    assert all("mass" not in geom.attrib for geom in root.find("worldbody").iter("geom"))  # type: ignore[union-attr]
-    floor = next(ET.fromstring(scene(MACHINES[name]())).iter("geom"))
+    geoms = list(root.find("worldbody").iter("geom"))  # type: ignore[union-attr]
+    assert all(not {"mass", "contype", "conaffinity"} & set(geom.attrib) for geom in geoms)
+    floor = next(ET.fromstring(scene(model(name))).iter("geom"))
     assert (floor.get("contype"), floor.get("conaffinity")) == ("0", "0")
+    # What is drawn has no name, and only what has one can be in a pair that touches.
+    named = {geom.get("name") for geom in geoms} - {None}
+    assert named == {pair.get(end) for pair in root.iter("pair") for end in ("geom1", "geom2")} - {None}
+
+
+def floats(text: str | None) -> list[float]:
+    return [float(word) for word in (text or "").split()]
+
+
+def by_name(root: ET.Element, tag: str, name: str) -> ET.Element:
+    return next(element for element in root.iter(tag) if element.get("name") == name)
+
+
+def test_a_stop_on_a_point_is_a_ball_that_rests_on_a_plane() -> None:
+    tip = _place(chain(()), "lower", (0.1, -1.5))
+    normal = (0.6, 0.8)
+    offset = normal[0] * tip[0] + normal[1] * tip[1]
+    stop = PointStop(name="wall", body="lower", point=(0.1, -1.5), normal=normal, offset=offset, closed=True)
+    root = parsed(chain((stop,)))
+    radius = floats(by_name(root, "geom", "wall/ball").get("size"))[0]
+    plane = by_name(root, "geom", "wall/wall")
+    assert floats(plane.get("zaxis")) == [0.6, 0.0, 0.8]
+    behind = floats(plane.get("pos"))
+    assert behind[0] * 0.6 + behind[2] * 0.8 == pytest.approx(offset - radius, abs=1e-15)
+    # In the frame of its body, whose origin is the joint at (0, 0.1).
+    assert floats(by_name(root, "body", "wall/point").get("pos")) == pytest.approx([0.1, 0.0, -1.6], abs=1e-15)
+    default = root.find("default/pair")
+    assert default is not None and default.get("condim") == "1"
+    assert {sensor.get("name") for sensor in root.iter("contact")} >= {"wall/torque"}
+    assert root.find("option/flag") is None and root.find("equality") is None
+
+
+def _place(mechanism: Mechanism, body: str, point: tuple[float, float]) -> tuple[float, float]:
+    kinematics = Kinematics(mechanism)
+    x, y = kinematics.position(kinematics.point(body, point), np.array(mechanism.start))
+    return float(x), float(y)
+
+
+def test_a_slot_that_closes_a_loop_is_a_ball_between_two_planes() -> None:
+    at = _place(chain(()), "lower", (0.5, 0.2))
+    slot = SlotJoint(name="rail", child="lower", parent_point=at, child_point=(0.5, 0.2), axis=(0.8, -0.6))
+    root = ET.fromstring(mjcf(chain((), joints=(*chain(()).joints, slot)), 1e-3))
+    left, right = (by_name(root, "geom", f"rail/{side}/wall") for side in ("left", "right"))
+    assert floats(left.get("zaxis")) == [-0.6, 0.0, -0.8] and floats(right.get("zaxis")) == [0.6, 0.0, 0.8]
+    # The ball fills the room between them.
+    apart = np.subtract(floats(left.get("pos")), floats(right.get("pos"))) @ [0.6, 0.0, 0.8]
+    assert apart == pytest.approx(2 * floats(by_name(root, "geom", "rail/ball").get("size"))[0], abs=1e-15)
+    margins = {float(pair.attrib["margin"]) for pair in root.iter("pair") if pair.get("name")}
+    # Both are pressed in by the same, and by a hundredth of it at a tenth of the step.
+    finer = ET.fromstring(mjcf(chain((), joints=(*chain(()).joints, slot)), 1e-4))
+    assert len(margins) == 1
+    assert float(by_name(finer, "pair", "rail/left").attrib["margin"]) == pytest.approx(0.01 * margins.pop())
+    assert by_name(root, "force", "rail/force").get("site") == "rail/joint"
+
+
+def test_a_pin_that_closes_a_loop_ties_two_sites() -> None:
+    closing = PinJoint(name="loop pin", parent=GROUND, child="lower", parent_point=(1, 1), child_point=(0.2, 0.3))
+    root = parsed(chain((), joints=(*chain(()).joints, closing)))
+    tie = by_name(root, "connect", "loop pin")
+    assert (tie.get("site1"), tie.get("site2")) == ("loop pin/joint", "loop pin/anchor")
+    assert floats(by_name(root, "site", "loop pin/anchor").get("pos")) == [1.0, 0.0, 1.0]
+    assert floats(by_name(root, "body", "loop pin/point").get("pos")) == pytest.approx([0.2, 0.0, 0.2], abs=1e-15)
+    assert root.find("option/flag").get("contact") == "disable"  # type: ignore[union-attr]
 
 
 def test_what_cannot_be_written_says_so() -> None:
-    closing = PinJoint(name="loop pin", parent=GROUND, child="lower", parent_point=(1, 1), child_point=(0, 0))
-    with pytest.raises(UnsupportedProblemError, match="loop pin"):
-        mjcf(chain((), joints=(*chain(()).joints, closing)))
     itself = Stop(name="itself", body="upper", relative_to="upper", sense=1, limit=-1.0, closed=False)
     with pytest.raises(UnsupportedProblemError, match="itself"):
         mjcf(chain((itself,)))
+    still = PointStop(name="still", body=GROUND, point=(0, 1), normal=(0, 1), offset=0.0, closed=False)
+    with pytest.raises(UnsupportedProblemError, match="still"):
+        mjcf(chain((still,)))
 
 
 @pytest.mark.parametrize("timestep", [0.0, -1e-3, math.nan, math.inf])
