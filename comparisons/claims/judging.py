@@ -6,7 +6,16 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from . import rows_design, rows_drag, rows_identification, rows_machine, rows_release, rows_rolling, rows_sweep
+from . import (
+    rows_design,
+    rows_drag,
+    rows_identification,
+    rows_machine,
+    rows_machines,
+    rows_release,
+    rows_rolling,
+    rows_sweep,
+)
 from . import rows_torques as torques
 from .evidence import Evidence, made
 from .results import Claim
@@ -17,8 +26,10 @@ _OF_SECTIONS: dict[str, Callable[[Any, Evidence], list[Claim]]] = {
     "sweep": rows_sweep.claims,
     "design": lambda found, _: rows_design.claims(found),
     "identification": lambda found, _: rows_identification.claims(found),
+    "machines": lambda found, _: rows_machines.claims(found),
 }
-_WHERE = {"drag": "Table II", "sweep": "Sec. V, Fig. 5", "design": "Sec. VI", "identification": "Sec. II"}
+_WHERE = {"drag": "Table II", "sweep": "Sec. V, Fig. 5", "design": "Sec. VI", "identification": "Sec. II",
+          "machines": "Secs. I, VI"}  # fmt: skip
 
 
 def claims(evidence: Evidence) -> tuple[Claim, ...]:

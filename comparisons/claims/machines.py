@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.optimize import NonlinearConstraint, minimize
@@ -15,34 +15,30 @@ from ...models.trajectory import Trajectory
 from ...models.trebuchet import PROJECTILE
 from ...reference.certificate import reference_uncertainty
 from ...reference.equations import Equations
+from ...reference.release import Projectile
+from ...reference.solution import Solution
 from ..campaign import Comparison, compare
 from ..results import Outcome, Run
+from .machines_best import SLINGS, Launched, fastest_sling
 from .machines_results import MachineEfficiency, Machines, SlingThrow
-from .machines_slings import SLINGS, Launched, best_sling
 from .results import EngineValue
+from .sweep_engines import Allowed, speed_allowance
 
-_STARTS = 24  # of the search for the lowest position: a linkage has few
+_STARTS = 8  # of the search for the lowest position: a linkage has few
 _SEED = 1
 
-Progress = Callable[[str, int, int], None]
 
-
-def efficiencies(engines: Sequence[str] | None = None, progress: Progress | None = None) -> Machines:
+def efficiencies(engines: Sequence[str] | None = None) -> Machines:
     """Throw every named machine by the reference and the engines' tuned presets.
 
     Args:
-        engines: names; all but the reference if left out.
-        progress: called with a machine's name, the number done and the number of all.
+        engines: names; all if left out. One that is absent or fails becomes a note.
     """
     started = time.perf_counter()
     names = tuple(models())
     comparison = compare(names, engines=engines, presets=("tuned",))
-    rows: list[MachineEfficiency] = []
-    for done, name in enumerate(names):
-        if progress:
-            progress(name, done, len(names))
-        rows.append(_efficiency(name, comparison))
-    return Machines(machines=tuple(rows), slings=SLINGS, seconds=time.perf_counter() - started)
+    rows = tuple(_efficiency(name, comparison) for name in names)
+    return Machines(machines=rows, slings=SLINGS, seconds=time.perf_counter() - started)
 
 
 def _efficiency(name: str, comparison: Comparison) -> MachineEfficiency:
@@ -52,7 +48,7 @@ def _efficiency(name: str, comparison: Comparison) -> MachineEfficiency:
     arm = float(solution.motion(np.array([launch.time])).q[0, 0])
     available, mass = available_energy(mechanism), _thrown(mechanism)
     built = Launched(launch.speed, launch.time, arm)
-    best = best_sling(name)
+    best = fastest_sling(name)
     sling = next((body.centre[0] for body in mechanism.bodies if body.name == "sling"), None)
     runs = [run for run in comparison.results.runs if run.model == name and run.engine != "reference"]
     trajectories = {label: t for (machine, label), t in comparison.trajectories.items() if machine == name}
@@ -62,9 +58,11 @@ def _efficiency(name: str, comparison: Comparison) -> MachineEfficiency:
         available_energy=available,
         total_energy=float(Equations(mechanism).kinematics.potential_energy(np.array(mechanism.start))),
         table_one=_throw(sling, built, mass, available),
-        best_sling=None if best is None else _throw(best[0], best[1], mass, available),
-        speed_uncertainty=reference_uncertainty(solution, launch.time).get("launch_speed"),
-        engines=tuple(_by_engine(run, trajectories.get(run.label), mass, available) for run in runs),
+        fastest_sling=None if best is None else _throw(best[0], best[2], mass, available_energy(best[1])),
+        speed_uncertainty=reference_uncertainty(solution, launch.time).of("launch_speed"),
+        engines=tuple(
+            _by_engine(run, trajectories.get(run.label), _allowed(run, solution), mass, available) for run in runs
+        ),
         distances=tuple(_distance(run) for run in runs),
     )
 
@@ -87,16 +85,22 @@ def _throw(sling: float | None, thrown: Launched, mass: float, available: float)
     )
 
 
-def _by_engine(run: Run, trajectory: Trajectory | None, mass: float, available: float) -> EngineValue:
+def _allowed(run: Run, solution: Solution) -> float | None:
+    """What the engine's bars leave of the launch speed [m/s]."""
+    found = {(metric.name, metric.subject): metric.tolerance for metric in run.metrics}
+    bars = Allowed(found.get(("position_max", PROJECTILE)), found.get(("launch_speed", None)))
+    launch = solution.launch
+    return None if launch is None else speed_allowance(bars, Projectile(solution), launch.time)
+
+
+def _by_engine(
+    run: Run, trajectory: Trajectory | None, allowed: float | None, mass: float, available: float
+) -> EngineValue:
     launch = None if trajectory is None else trajectory.launch()
     if launch is None:
         return EngineValue(engine=run.engine, value=None, note=run.message or "its projectile is not launched")
-    metric = next((metric for metric in run.metrics if metric.name == "launch_speed"), None)
-    allowed = None if metric is None or metric.tolerance is None else metric.tolerance
-    value = 0.5 * mass * launch.speed**2 / available
-    return EngineValue(
-        engine=run.engine, value=value, tolerance=None if allowed is None else mass * launch.speed * allowed / available
-    )
+    tolerance = None if allowed is None else mass * launch.speed * allowed / available
+    return EngineValue(engine=run.engine, value=0.5 * mass * launch.speed**2 / available, tolerance=tolerance)
 
 
 def _distance(run: Run) -> EngineValue:
@@ -104,9 +108,7 @@ def _distance(run: Run) -> EngineValue:
         return EngineValue(engine=run.engine, value=None, note=run.message)
     found = [metric for metric in run.metrics if metric.name == "position_max" and metric.value is not None]
     bar = next((metric.tolerance for metric in found if metric.subject == PROJECTILE), None)
-    return EngineValue(
-        engine=run.engine, value=max(abs(metric.value or 0.0) for metric in found), tolerance=bar
-    )
+    return EngineValue(engine=run.engine, value=max(abs(metric.value or 0.0) for metric in found), tolerance=bar)
 
 
 def available_energy(mechanism: Mechanism) -> float:
@@ -128,7 +130,9 @@ def available_energy(mechanism: Mechanism) -> float:
     constraints = [loops] if equations.n_loops else []
     random = np.random.default_rng(_SEED)
     starts = [start, *(start + random.uniform(-np.pi, np.pi, (_STARTS, len(start))))]
-    found = [minimize(energy, q, jac=slope, method="SLSQP", constraints=constraints, options={"ftol": 1e-15}) for q in starts]
+    found = [
+        minimize(energy, q, jac=slope, method="SLSQP", constraints=constraints, options={"ftol": 1e-15}) for q in starts
+    ]
     lowest = min(float(each.fun) for each in found if _closes(equations, each.x))
     return top - lowest * abs(top or 1.0)
 

@@ -15,19 +15,19 @@ class SlingThrow(Spec):
     launch_time: Real = Field(description="[s]")
     speed: Real = Field(description="of the projectile [m/s]")
     kinetic_energy: Real = Field(description="of the projectile [J]")
-    efficiency: Real = Field(description="kinetic energy over the available energy")
+    efficiency: Real = Field(description="kinetic energy over the energy available with that sling")
     arm_angle: Real = Field(description="of the arm at the launch [rad]; 3 pi / 2 points straight up")
 
 
 class MachineEfficiency(Spec):
-    """One machine at the paper's masses and arm, with the paper's sling and with the sling that suits it best."""
+    """One machine at the paper's masses and arm, with the paper's sling and with its fastest one."""
 
     name: str
     text: str
     available_energy: Real = Field(description="from the start down to its lowest position of all [J]")
     total_energy: Real = Field(description="the paper's E: of the start, zero at the fulcrum's height [J]")
     table_one: SlingThrow
-    best_sling: SlingThrow | None = Field(description="greatest efficiency over sling lengths; None: no sling")
+    fastest_sling: SlingThrow | None = Field(description="with the sling that throws fastest; None: no sling")
     speed_uncertainty: Real | None = Field(description="of the speed with the paper's sling [m/s]")
     engines: tuple[EngineValue, ...] = Field(default=(), description="efficiency with the paper's sling")
     distances: tuple[EngineValue, ...] = Field(

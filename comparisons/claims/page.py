@@ -14,7 +14,7 @@ from ...models.parameters import TrebuchetParameters
 from ...models.trebuchet import parameters_of
 from ..plots import embedded
 from ..summary import figure
-from . import section_design, section_start, shown
+from . import section_design, section_machines, section_start, shown
 from .blocks import Block
 from .pictures import pictures
 from .results import Study, Verdict
@@ -25,6 +25,7 @@ RENDERED: dict[str, tuple[str, Render]] = {
     "identification": ("The start angles, identified", section_start.identification),
     "drag": ("The drag area behind Table II", section_start.drag),
     "sweep": ("The fulcrum's place", section_design.sweep),
+    "machines": ("The machines the paper names", section_machines.machines),
     "design": ("A rolling machine designed as one", section_design.design),
 }
 """Title and blocks of each further study, by its name; one that is not here is shown as its data."""

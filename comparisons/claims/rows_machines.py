@@ -1,7 +1,7 @@
 """Claims on which machine beats which: Secs. I and VI.
 
 Who wins may depend on the sling, which is the paper's own for one machine only. So each comparison is made twice, with
-the paper's sling and with the sling that suits each machine best, and holds where both say the same.
+the paper's sling and with each machine's fastest, and holds where both say the same.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ def _beats(better: MachineEfficiency, worse: MachineEfficiency, where: str, name
 
 
 def _judged(better: MachineEfficiency, worse: MachineEfficiency) -> Judgement:
-    rule = "the ratio of efficiencies is above 1 both with the paper's sling and with each machine's best one"
+    rule = "the ratio of efficiencies is above 1 both with the paper's sling and with each machine's fastest one"
     ratios = [better.table_one.efficiency / worse.table_one.efficiency, _best(better) / _best(worse)]
     if all(ratio > 1 for ratio in ratios):
         return Judgement(Verdict.HOLDS, rule)
     fact = (
-        f"{better.name} over {worse.name} is {ratios[0]:.3g} with the paper's sling and {ratios[1]:.3g} with the best"
-        f" ({_best(better):.3g} to {_best(worse):.3g})"
+        f"{better.name} over {worse.name} is {ratios[0]:.3g} with the paper's sling and {ratios[1]:.3g} with the "
+        f"fastest ({_best(better):.3g} to {_best(worse):.3g})"
     )
     if any(ratio > 1 for ratio in ratios):
         return Judgement(Verdict.OPEN, rule, f"it depends on the sling, which the paper does not say: {fact}")
@@ -52,7 +52,7 @@ def _judged(better: MachineEfficiency, worse: MachineEfficiency) -> Judgement:
 
 
 def _best(machine: MachineEfficiency) -> float:
-    return (machine.best_sling or machine.table_one).efficiency
+    return (machine.fastest_sling or machine.table_one).efficiency
 
 
 def _by_engine(better: MachineEfficiency, worse: MachineEfficiency) -> tuple[EngineValue, ...]:

@@ -43,9 +43,22 @@ def design(parameters: TrebuchetParameters, engines: Sequence[str]) -> Spec:
         return design_rolling(parameters, engines=_others(engines), worker=worker)
 
 
+def machines(parameters: TrebuchetParameters, engines: Sequence[str]) -> Spec:
+    """Every machine the paper names, and what it makes of its energy."""
+    from .machines import efficiencies
+
+    return efficiencies(_others(engines))
+
+
 def _others(engines: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in engines if name != "reference")
 
 
 # The longest first: two run at a time.
-SECTIONS: dict[str, Compute] = {"design": design, "sweep": sweep, "identification": identification, "drag": drag}
+SECTIONS: dict[str, Compute] = {
+    "design": design,
+    "machines": machines,
+    "sweep": sweep,
+    "identification": identification,
+    "drag": drag,
+}

@@ -1,4 +1,4 @@
-"""The whole study of the paper: throws, identification, drag, sweep and design, and every claim judged by them."""
+"""The whole study of the paper: its throws, the further studies, and every claim judged by them."""
 
 from __future__ import annotations
 

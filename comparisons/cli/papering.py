@@ -17,9 +17,7 @@ def paper_command(
     engines: options.Engines = "",
     sections: Annotated[
         str,
-        typer.Option(
-            "--sections", help="Further studies, comma-separated: identification,drag,sweep,design; all by default."
-        ),
+        typer.Option("--sections", help="Further studies: identification,drag,sweep,machines,design; all by default."),
     ] = "",
     timeout: Annotated[
         float, typer.Option("--timeout", help="Longest wait for one run, or one further study (s).")
