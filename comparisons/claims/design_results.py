@@ -95,7 +95,7 @@ class Design(Spec):
     constraints: tuple[str, ...] = Field(description="what was asked of a design besides, in words")
     paper_rolling: Throwing
     paper_fixed: Throwing
-    designs: tuple[CoincidingDesign, ...] = Field(description="largest range first")
+    designs: tuple[CoincidingDesign, ...] = Field(description="those that were found; empty: no start led to one")
     unconstrained: Throwing | None = Field(description="largest range within the bounds, whatever the times")
     seconds: Real = Field(description="wall time [s]")
 

@@ -90,7 +90,7 @@ class Beam:
         bend = abs(float(fine.deriv(2)(at)))
         apart = abs(at - places[1]) if places[0] is not None and places[1] is not None else np.sqrt(2 * error / bend)
         return Peak(
-            l1=Quantity(value=at, uncertainty=float(_SAFETY * apart + HAIR**2), unit="m"),
+            l1=Quantity(value=at, uncertainty=float(_SAFETY * apart + np.spacing(at)), unit="m"),
             speed=Quantity(value=float(exact), uncertainty=error, unit="m/s"),
             lever_ratio=at / (self.length - at),
             interior=places[0] is not None,
@@ -193,7 +193,8 @@ class Beam:
     def trend(self, curve: Curve, start: float, end: float) -> Trend:
         """A straight line through the curve between two places [m]."""
         points = [(x, v) for x, v in zip(curve.l1, curve.release_once, strict=True) if v is not None]
-        l1, speeds = np.array([point for point in points if start <= point[0] <= end]).T
+        between = [point for point in points if start <= point[0] <= end]
+        l1, speeds = np.array(between if len(between) > 2 else points).T  # a sweep that ends before: all of it
         fit = linregress(l1, speeds)
         slopes = np.diff(speeds) / np.diff(l1)
         return Trend(

@@ -23,7 +23,7 @@ def _agrees(found: EngineValue, expected: float) -> bool:
     return found.value is not None and found.tolerance is not None and abs(found.value - expected) <= found.tolerance
 
 
-@pytest.mark.parametrize("l1", [9.0, 9.89, 12.72, 12.73])
+@pytest.mark.parametrize("l1", [9.0, 12.73])
 def test_launch_speed_and_no_fall_backward(engine_name: str, l1: float) -> None:
     """At 12.73 m the hanger's rest would have to pull: engines' limits can only push, and follow release-once."""
     if engine_name == "reference":

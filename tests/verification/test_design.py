@@ -13,9 +13,12 @@ from trebucheck.comparisons.claims.design_results import Reading
 from trebucheck.comparisons.claims.design_search import NEARNESS, RANGE, Family
 from trebucheck.comparisons.claims.design_sweep import first_sweep
 from trebucheck.reference.flight import Surroundings, fly
+from trebucheck.reference.release import Projectile
 from trebucheck.reference.solver import solve, solve_to_launch
 
 NEEDED = 1e-6  # [s] the two instants may stand apart
+
+pytestmark = pytest.mark.slow  # one search for all of them: some 12 s
 
 
 @cache
@@ -44,7 +47,7 @@ def test_the_two_instants_coincide_by_another_reading(name: str) -> None:
     found = design().named(name)
     assert found is not None
     assert abs(found.throwing.gap) < NEEDED and abs(found.difference.value) < NEEDED
-    projectile = tb_projectile(found.throwing.parameters)
+    projectile = Projectile(solve_to_launch(tb.rolling(found.throwing.parameters)))
     best = projectile.best_release(Surroundings(gravity=found.throwing.parameters.g))
     assert best is not None
     assert best.time == pytest.approx(found.throwing.best_time, abs=NEEDED)
@@ -53,12 +56,6 @@ def test_the_two_instants_coincide_by_another_reading(name: str) -> None:
     fastest = times[np.argmax(np.sum(velocity**2, axis=1))]
     assert fastest == pytest.approx(best.time, abs=5e-5)  # half the scan's interval, and its rounding
     assert fly(best, Surroundings(gravity=9.81)).range == pytest.approx(found.throwing.range, rel=1e-9)
-
-
-def tb_projectile(parameters: tb.TrebuchetParameters):  # noqa: ANN201
-    from trebucheck.reference.release import Projectile
-
-    return Projectile(solve_to_launch(tb.rolling(parameters)))
 
 
 @pytest.mark.parametrize("name", [FARTHEST, NEAREST])
@@ -106,7 +103,7 @@ def test_within_all_constraints() -> None:
 
 
 def test_a_machine_that_throws_nothing_is_no_design() -> None:
-    parameters = tb.TrebuchetParameters.with_beam(9.0, r=12.0, h=4.0)
+    parameters = tb.TrebuchetParameters.with_beam(9.0, r=8.0, h=4.0)  # its best release only goes over the fulcrum
     assert first_sweep(tb.rolling(parameters)) is None
 
 
@@ -119,12 +116,11 @@ def test_tolerances_grow_with_the_bar() -> None:
     assert tolerances(found, None) == {}
 
 
-@pytest.mark.slow
 def test_other_starts_lead_to_the_same_designs() -> None:
     family = Family(tb.TrebuchetParameters(), 14.0, Bounds())
     for name, objective, starts in (
-        (FARTHEST, RANGE, ([3.5, 10.0, 10.0], [4.4, 13.0, 11.0], [3.6, 12.0, 12.0])),
-        (NEAREST, NEARNESS, ([3.6, 10.5, 10.5], [3.79, 12.0, 12.0])),
+        (FARTHEST, RANGE, ([4.4, 13.0, 11.0],)),
+        (NEAREST, NEARNESS, ([3.79, 12.0, 12.0],)),
     ):
         expected = design().named(name)
         assert expected is not None

@@ -17,6 +17,8 @@ from trebucheck.reference.equations import Equations
 from trebucheck.reference.sensitivity import sensitivities
 from trebucheck.reference.solver import solve_to_launch
 
+pytestmark = pytest.mark.slow  # one sweep for all of them: some 7 s
+
 BEAM = 14.0
 AWAY = tb.TrebuchetParameters(l1=9.3, l2=4.7, r=5.0, h=8.0, m_a=700.0, theta0=0.15, phi0=3.3, alpha0=-0.6)
 RESTS = ("hanger rest", "sling rest")
