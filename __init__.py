@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .comparisons.campaign import compare
     from .engines.protocol import Capabilities, Engine
     from .engines.registry import engine, engines
+    from .models.catapult import CatapultParameters, catapult
     from .models.errors import (
         EngineNotInstalledError,
         InputError,
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
         TrebucheckError,
         UnsupportedProblemError,
     )
-    from .models.catapult import CatapultParameters, catapult
     from .models.floating_arm import FloatingArmParameters, floating_arm
     from .models.hinged import HingedParameters, hinged
     from .models.launch import Launch

@@ -10,7 +10,6 @@ from pydantic import Field, model_validator
 from .mechanism import Mechanism
 from .spec import Positive, Spec
 
-
 _CLOSED = 1e-9  # [m] how well loops of joints must close
 
 

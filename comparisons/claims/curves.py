@@ -11,10 +11,10 @@ from ...models.arrays import FloatArray
 from ...models.trajectory import Trajectory
 from ...models.trebuchet import COUNTERWEIGHT, HANGER_REST, PROJECTILE, SLING_REST
 from .evidence import Evidence
-from .grids import TIME_STEP
 from .results import Series
-from .sweep_results import Sweep
-from .throws import MachineThrow
+from .sweep.results import Sweep
+from .throws.grids import TIME_STEP
+from .throws.throws import MachineThrow
 
 _POINTS = 400
 _SAMPLED = 14  # points of each engine along a curve: enough to see that they lie on it

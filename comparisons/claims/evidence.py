@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from ...models.parameters import TrebuchetParameters
 from .results import Claim, EngineValue, Quantity
-from .throws import EngineThrow, MachineThrow
+from .throws.throws import EngineThrow, MachineThrow
 from .verdicts import Judgement, not_told
 
 Values = Mapping[str, float]

@@ -6,19 +6,17 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from . import (
-    rows_design,
-    rows_drag,
-    rows_identification,
-    rows_machine,
-    rows_machines,
-    rows_release,
-    rows_rolling,
-    rows_sweep,
-)
-from . import rows_torques as torques
 from .evidence import Evidence, made
 from .results import Claim
+from .rows import design as rows_design
+from .rows import drag as rows_drag
+from .rows import identification as rows_identification
+from .rows import machine as rows_machine
+from .rows import machines as rows_machines
+from .rows import release as rows_release
+from .rows import rolling as rows_rolling
+from .rows import sweep as rows_sweep
+from .rows import torques
 from .verdicts import not_told
 
 _OF_SECTIONS: dict[str, Callable[[Any, Evidence], list[Claim]]] = {

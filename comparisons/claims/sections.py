@@ -14,21 +14,21 @@ Compute = Callable[[TrebuchetParameters, Sequence[str]], Spec]
 
 def identification(parameters: TrebuchetParameters, engines: Sequence[str]) -> Spec:
     """The start angles from the printed figures."""
-    from .identification import identify
+    from .identification.identify import identify
 
     return identify(parameters)
 
 
 def drag(parameters: TrebuchetParameters, engines: Sequence[str]) -> Spec:
     """The drag area from Table II."""
-    from .drag import drag_study
+    from .drag.study import drag_study
 
     return drag_study(fixed(parameters))
 
 
 def sweep(parameters: TrebuchetParameters, engines: Sequence[str]) -> Spec:
     """The fulcrum's place."""
-    from .sweep import PAPER_PEAK, WITH_ENGINES, fulcrum_sweep
+    from .sweep.study import PAPER_PEAK, WITH_ENGINES, fulcrum_sweep
 
     places = (*WITH_ENGINES, PAPER_PEAK)  # a number in print is every engine's to confirm
     with Worker() as worker:
@@ -37,7 +37,7 @@ def sweep(parameters: TrebuchetParameters, engines: Sequence[str]) -> Spec:
 
 def design(parameters: TrebuchetParameters, engines: Sequence[str]) -> Spec:
     """A rolling machine whose peak and best angle coincide."""
-    from .design import design_rolling
+    from .design.study import design_rolling
 
     with Worker() as worker:
         return design_rolling(parameters, engines=_others(engines), worker=worker)
@@ -45,7 +45,7 @@ def design(parameters: TrebuchetParameters, engines: Sequence[str]) -> Spec:
 
 def machines(parameters: TrebuchetParameters, engines: Sequence[str]) -> Spec:
     """Every machine the paper names, and what it makes of its energy."""
-    from .machines import efficiencies
+    from .machines.study import efficiencies
 
     return efficiencies(_others(engines))
 

@@ -21,7 +21,7 @@ from .evidence import Evidence
 from .judging import claims
 from .results import Study
 from .sections import SECTIONS
-from .throws import throw_by_all
+from .throws.throws import throw_by_all
 
 MACHINES = ("fixed", "rolling")
 """The paper's two."""

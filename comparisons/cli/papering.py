@@ -64,8 +64,8 @@ def _with_progress(engines: list[str] | None, sections: list[str] | None, timeou
 
 def _write(study: Study, out: Path) -> None:
     from ...models.files import write_text
-    from ..claims.page import page
-    from ..claims.terminal import print_study
+    from ..claims.shown.page import page
+    from ..claims.shown.terminal import print_study
     from ..terminal import console
 
     html = page(study)  # made before anything is written, so that nothing is left half-written

@@ -7,14 +7,17 @@ import functools
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.claims import rows_machine, rows_release, rows_rolling, rows_torques
 from trebucheck.comparisons.claims.curves import series
 from trebucheck.comparisons.claims.evidence import Evidence
-from trebucheck.comparisons.claims.headline import read
 from trebucheck.comparisons.claims.results import Claim, Verdict
-from trebucheck.comparisons.claims.sampled import SampledMotion
+from trebucheck.comparisons.claims.rows import machine as rows_machine
+from trebucheck.comparisons.claims.rows import release as rows_release
+from trebucheck.comparisons.claims.rows import rolling as rows_rolling
+from trebucheck.comparisons.claims.rows import torques as rows_torques
 from trebucheck.comparisons.claims.study import MACHINES
-from trebucheck.comparisons.claims.throws import throw_by_all
+from trebucheck.comparisons.claims.throws.headline import read
+from trebucheck.comparisons.claims.throws.sampled import SampledMotion
+from trebucheck.comparisons.claims.throws.throws import throw_by_all
 from trebucheck.comparisons.isolation import Worker
 from trebucheck.engines.registry import engine_class, engine_names
 from trebucheck.reference.certificate import load_certificate
@@ -137,7 +140,7 @@ def test_the_arm_stop_acts_only_after_the_launch() -> None:
 
 def test_an_absent_engine_is_a_note() -> None:
     from trebucheck.comparisons.claims.evidence import Row
-    from trebucheck.comparisons.claims.throws import EngineThrow, MachineThrow
+    from trebucheck.comparisons.claims.throws.throws import EngineThrow, MachineThrow
     from trebucheck.comparisons.claims.verdicts import as_printed
 
     throw = evidence().throws["fixed"]

@@ -6,11 +6,11 @@ from functools import cache
 
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.claims.design_engines import FIGURES, confirmed
-from trebucheck.comparisons.claims.design_sweep import FirstSweep, first_sweep
+from trebucheck.comparisons.claims.design.engines import FIGURES, confirmed
+from trebucheck.comparisons.claims.design.first_sweep import FirstSweep, first_sweep
 from trebucheck.comparisons.claims.results import EngineValue
-from trebucheck.comparisons.claims.sweep_beam import Beam
-from trebucheck.comparisons.claims.sweep_engines import allowed, launches
+from trebucheck.comparisons.claims.sweep.beam import Beam
+from trebucheck.comparisons.claims.sweep.engines import allowed, launches
 from trebucheck.reference.release import Projectile
 from trebucheck.reference.solver import solve, solve_to_launch
 

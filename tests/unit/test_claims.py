@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
-from trebucheck.comparisons.claims import shown
 from trebucheck.comparisons.claims.apart import begun
 from trebucheck.comparisons.claims.evidence import made, spread
-from trebucheck.comparisons.claims.grids import around
 from trebucheck.comparisons.claims.judging import _order
-from trebucheck.comparisons.claims.multipliers import fit
-from trebucheck.comparisons.claims.page import page
 from trebucheck.comparisons.claims.printed import parse
 from trebucheck.comparisons.claims.results import Claim, EngineValue, Quantity, Series, Study, Verdict
+from trebucheck.comparisons.claims.shown import words as shown
+from trebucheck.comparisons.claims.shown.page import page
 from trebucheck.comparisons.claims.study import study
+from trebucheck.comparisons.claims.throws.grids import around
+from trebucheck.comparisons.claims.throws.multipliers import fit
 from trebucheck.comparisons.claims.verdicts import (
     Cause,
     Grid,
@@ -266,5 +266,5 @@ def test_wrong_input_is_one_sentence(
 
 
 def test_sections_are_checked_before_any_work() -> None:
-    with pytest.raises(tb.InputError, match="there are: design, sweep, identification, drag"):
+    with pytest.raises(tb.InputError, match="there are: design, machines, sweep, identification, drag"):
         study(["reference"], sections=["colour"])

@@ -108,7 +108,13 @@ def test_beam(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_list_engines_schema_and_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["models", "list"]) == 0
-    assert {line.split()[0] for line in capsys.readouterr().out.splitlines()} == {"fixed", "rolling", "catapult", "hinged", "floating-arm"}
+    assert {line.split()[0] for line in capsys.readouterr().out.splitlines()} == {
+        "fixed",
+        "rolling",
+        "catapult",
+        "hinged",
+        "floating-arm",
+    }
     assert main(["engines"]) == 0
     shown = capsys.readouterr().out
     assert all(name in shown for name in ("reference", "mujoco", "pymunk", "exudyn"))

@@ -7,11 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.claims.design import FARTHEST, NEAREST, Bounds, Design, design_rolling
-from trebucheck.comparisons.claims.design_engines import tolerances
-from trebucheck.comparisons.claims.design_results import Reading
-from trebucheck.comparisons.claims.design_search import NEARNESS, RANGE, Family
-from trebucheck.comparisons.claims.design_sweep import first_sweep
+from trebucheck.comparisons.claims.design.engines import tolerances
+from trebucheck.comparisons.claims.design.first_sweep import first_sweep
+from trebucheck.comparisons.claims.design.results import Reading
+from trebucheck.comparisons.claims.design.search import NEARNESS, RANGE, Family
+from trebucheck.comparisons.claims.design.study import FARTHEST, NEAREST, Bounds, Design, design_rolling
 from trebucheck.reference.flight import Surroundings, fly
 from trebucheck.reference.release import Projectile
 from trebucheck.reference.solver import solve, solve_to_launch

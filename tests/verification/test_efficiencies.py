@@ -9,8 +9,8 @@ import pytest
 import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given
-from trebucheck.comparisons.claims.machines import available_energy
-from trebucheck.comparisons.claims.machines_best import SLINGS, fastest_sling
+from trebucheck.comparisons.claims.machines.slings import SLINGS, fastest_sling
+from trebucheck.comparisons.claims.machines.study import available_energy
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.registry import model, parameters_type
 from trebucheck.reference.solver import solve_to_launch

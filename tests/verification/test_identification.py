@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from trebucheck.comparisons.claims.identification import identify
-from trebucheck.comparisons.claims.identification_figures import ANGLES, PRINTED, R_ROLLING, SPEED, Headlines, computed
-from trebucheck.comparisons.claims.identification_fit import fit
-from trebucheck.comparisons.claims.identification_results import Identification, PrintedFigure
+from trebucheck.comparisons.claims.identification.figures import ANGLES, PRINTED, R_ROLLING, SPEED, Headlines, computed
+from trebucheck.comparisons.claims.identification.fit import fit
+from trebucheck.comparisons.claims.identification.identify import identify
+from trebucheck.comparisons.claims.identification.results import Identification, PrintedFigure
 from trebucheck.models.errors import InputError
 from trebucheck.models.parameters import TrebuchetParameters
 from trebucheck.models.trebuchet import fixed

@@ -7,16 +7,16 @@ from functools import cache
 
 import numpy as np
 import pytest
-from trebucheck.comparisons.claims.drag import PRINTED, drag_study
-from trebucheck.comparisons.claims.drag_grid import on_grid
-from trebucheck.comparisons.claims.drag_motion import Throwing, common, interval
-from trebucheck.comparisons.claims.drag_results import (
+from trebucheck.comparisons.claims.drag.grid import on_grid
+from trebucheck.comparisons.claims.drag.motion import Throwing, common, interval
+from trebucheck.comparisons.claims.drag.results import (
     AngleReading,
     DragInterval,
     DragStudy,
     GravityReading,
     PrintedAngle,
 )
+from trebucheck.comparisons.claims.drag.study import PRINTED, drag_study
 from trebucheck.models.errors import InputError
 from trebucheck.models.trebuchet import fixed
 from trebucheck.reference.flight import fly, world

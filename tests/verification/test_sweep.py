@@ -8,10 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.claims.sweep import Sweep, fulcrum_sweep
-from trebucheck.comparisons.claims.sweep_laws import bilateral, pulls_at_start
-from trebucheck.comparisons.claims.sweep_search import Places
-from trebucheck.comparisons.claims.sweep_whole import Whole, gravity_and_inertia, hanger_torque_on_beam, on_beam
+from trebucheck.comparisons.claims.sweep.laws import bilateral, pulls_at_start
+from trebucheck.comparisons.claims.sweep.search import Places
+from trebucheck.comparisons.claims.sweep.study import Sweep, fulcrum_sweep
+from trebucheck.comparisons.claims.sweep.whole import Whole, gravity_and_inertia, hanger_torque_on_beam, on_beam
 from trebucheck.reference.altered import solve_scheduled
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.sensitivity import sensitivities

@@ -1,0 +1,1 @@
+"""A rolling machine whose largest kinetic energy comes at its best release."""

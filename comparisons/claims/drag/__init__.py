@@ -1,0 +1,1 @@
+"""The drag area behind Table II."""

@@ -1,0 +1,1 @@
+"""Every machine the paper names, and what it makes of its energy."""

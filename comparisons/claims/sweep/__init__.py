@@ -1,0 +1,1 @@
+"""The fulcrum's place: launch speed against l1, under two laws of a rest."""

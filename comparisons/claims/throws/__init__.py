@@ -1,0 +1,1 @@
+"""Throws by the reference and every engine, read for the same figures."""
