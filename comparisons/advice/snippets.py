@@ -63,6 +63,7 @@ def _mujoco(settings: Any, mechanism: Mechanism) -> dict[str, str]:
 
     assert isinstance(settings, MujocoEngine)
     model = load(mechanism, settings)
+    points = bool(mechanism.point_stops or mechanism.loop_joints)
     outside = [
         words
         for asked, words in (
@@ -70,14 +71,17 @@ def _mujoco(settings: Any, mechanism: Mechanism) -> dict[str, str]:
             (settings.locate_releases, "releases found inside a step"),
             (settings.preload, "limits preloaded"),
             (settings.free_substeps > 1, "shorter steps after the last release"),
+            (settings.moving_points and points, "points held through all stages of a step by `mjcb_control`"),
         )
         if asked
     ]
     given: dict[str, Any] = {
         "options": settings, "solref": model.jnt_solref[0].tolist(), "tendons": model.ntendon > 0, "outside": outside,
+        "points": points,
     }  # fmt: skip
     found = {MJCF: _filled("mujoco.xml.j2", **given)}
-    return found | ({MUJOCO_PYTHON: _filled("mujoco.py.j2", **given)} if outside else {})
+    # The callback that holds points is no text to paste: such a machine is run by trebucheck's own lines.
+    return found | ({MUJOCO_PYTHON: _filled("mujoco.py.j2", **given)} if outside and not points else {})
 
 
 def _pymunk(settings: Any, _: Mechanism) -> dict[str, str]:
@@ -86,7 +90,8 @@ def _pymunk(settings: Any, _: Mechanism) -> dict[str, str]:
 
 def _exudyn(settings: Any, mechanism: Mechanism) -> dict[str, str]:
     end = float(f"{_TO_A_LAUNCH * natural_time(mechanism):.3g}")
-    return {EXUDYN_PYTHON: _filled("exudyn.py.j2", options=settings, end=end)}
+    points = bool(mechanism.point_stops)
+    return {EXUDYN_PYTHON: _filled("exudyn.py.j2", options=settings, end=end, points=points)}
 
 
 _OF: dict[str, Callable[[Any, Mechanism], dict[str, str]]] = {

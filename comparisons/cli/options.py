@@ -116,9 +116,10 @@ class Chosen:
 
         if self.beam is None:
             return {}
+        l1 = self.numbers["l1"] if "l1" in self.numbers else float(kind.model_fields["l1"].default)
         if "l2" in self.numbers:
             raise InputError("--beam chooses l2 itself; leave out --set l2, or --beam.")
-        return {"l2": short_end(self.numbers.get("l1", kind.model_fields["l1"].default), self.beam)}
+        return {"l2": short_end(l1, self.beam)}
 
 
 def parameters(texts: list[str] | None, beam: float | None) -> Chosen:

@@ -31,7 +31,7 @@ def _bars(found: Machines) -> go.Figure:
     figure.add_bar(x=names, y=[m.table_one.efficiency for m in found.machines], name="the paper's sling")
     figure.add_bar(x=names, y=best, name="its fastest sling")
     figure.update_yaxes(title="efficiency", range=[0, 1], tickformat=".0%")
-    return finish(figure)
+    return finish(figure, 420)
 
 
 def _throws(found: Machines) -> Block:

@@ -76,7 +76,7 @@ class Whole:
 
     def rest_torque(self, stop: str) -> tuple[float, complex]:
         """A and w of a rest's torque a + Re(w e^{-i d}) [N m]; of a body that hangs on the arm and carries none."""
-        found, g = self.mechanism.stop(stop), self.parameters.g
+        found, g = next(each for each in self.mechanism.angle_stops if each.name == stop), self.parameters.g
         index = [body.name for body in self.mechanism.bodies].index(found.body)
         body, z = self.mechanism.bodies[index], self._centres[index]
         # d z / d angle of the body alone, its own pin at rest; Newton's law along it: sense * torque = m Re(conj(along)
