@@ -11,6 +11,7 @@ import pytest
 from table_one import MACHINES, error, reference
 from trebucheck.engines.pymunk_ import PymunkEngine
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
+from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, SlotJoint, Stop
 from trebucheck.models.parameters import TrebuchetParameters
 from trebucheck.models.problem import Problem
@@ -271,8 +272,10 @@ def test_angles_go_on_beyond_a_turn() -> None:
 
 def rod_held_at_its_middle() -> Mechanism:
     """A massless rod may only be held where its mass is."""
-    base = pendulum()
-    back = PinJoint(name="back", parent=GROUND, child="lower", parent_point=(1.6, 1), child_point=(0.2, -0.2))
+    base, point = pendulum(), (0.2, -0.2)
+    kinematics = Kinematics(base)
+    x, y = kinematics.position(kinematics.point("lower", point), np.array(base.start)).tolist()
+    back = PinJoint(name="back", parent=GROUND, child="lower", parent_point=(x, y), child_point=point)
     return pendulum(joints=(*base.joints, back))
 
 
