@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..models.mechanism import Mechanism
 from ..reference.certificate import refusal
 from .results import Machine, Metric, Run
 
@@ -37,6 +38,20 @@ class Bar:
     """None: any."""
     model: str | None = None
     """None: any."""
+    on_points: bool | None = None
+    """Whether it is for stops on points (True), on angles (False), or any (None)."""
+    reason: str = ""
+    """Why just that much, where it is not the engine's general need."""
+
+    def fits(self, engine: str, preset: str, metric: str, subject: str | None, mechanism: Mechanism) -> bool:
+        """Whether it is about this figure."""
+        points = {stop.name for stop in mechanism.point_stops}
+        return (
+            (self.engine, self.preset, self.metric) == (engine, preset, metric)
+            and self.subject in (None, subject)
+            and self.model in (None, mechanism.name)
+            and self.on_points in (None, subject in points)
+        )
 
 
 _NEED = {
@@ -57,7 +72,17 @@ _STOCK = {
 BARS: tuple[Bar, ...] = (
     Bar("reference", "tuned", "energy_drift", 1e-12, 1.0, 0),
     Bar("mujoco", "tuned", "position_max", 1e-7, 1e-3, 2, subject="projectile"),
-    Bar("mujoco", "tuned", "release_time", 1e-8, 1e-3, 2),
+    Bar("mujoco", "tuned", "release_time", 1e-8, 1e-3, 2, on_points=False),
+    Bar(
+        "mujoco",
+        "tuned",
+        "release_time",
+        1e-7,
+        1e-3,
+        1,
+        on_points=True,
+        reason="(1 - impedance) x step: a contact's softness lags a changing force by up to a step",
+    ),
     Bar("mujoco", "tuned", "launch_speed", 3e-7, 1e-3, 2),
     Bar("mujoco", "tuned", "stop_torque_max", 1e-6, 1e-3, 2, per="start"),
     Bar("mujoco", "tuned", "energy_drift", 1e-9, 1e-3, 2),
@@ -88,7 +113,8 @@ def judge(run: Run, machine: Machine, peaks: dict[str, float]) -> tuple[Metric, 
         if not _can_be_judged(metric, machine):
             judged.append(metric)
             continue
-        bar = _bar_for(run, machine, metric, step)
+        of = (run.engine, run.preset, metric.name, metric.subject, machine.mechanism)
+        bar = None if step is None else bar_for(*of, step)
         judged.append(metric if bar is None or step is None else _with(metric, bar, step, machine, peaks))
     return tuple(judged)
 
@@ -100,16 +126,17 @@ def _can_be_judged(metric: Metric, machine: Machine) -> bool:
     return not beyond or metric.name in _AT_OR_BEFORE_LAUNCH
 
 
-def _bar_for(run: Run, machine: Machine, metric: Metric, step: float | None) -> Bar | None:
-    """The bar stated for the longest step not above this one; the one for the shortest if all are above."""
-    fitting = [
-        bar
-        for bar in BARS
-        if (bar.engine, bar.preset, bar.metric) == (run.engine, run.preset, metric.name)
-        and bar.subject in (None, metric.subject)
-        and bar.model in (None, machine.model)
-    ]
-    if not fitting or step is None:
+def bar_for(
+    engine: str, preset: str, metric: str, subject: str | None, mechanism: Mechanism, step: float
+) -> Bar | None:
+    """The bar stated for the longest step not above this one; the one for the shortest if all are above.
+
+    Args:
+        subject: marker, stop or joint that the metric is about; None: none.
+        step: of the engine [s].
+    """
+    fitting = [bar for bar in BARS if bar.fits(engine, preset, metric, subject, mechanism)]
+    if not fitting:
         return None
     below = [bar for bar in fitting if bar.timestep <= step * (1 + 1e-9)]
     if not below:
@@ -133,7 +160,7 @@ def _with(metric: Metric, bar: Bar, step: float, machine: Machine, peaks: dict[s
     refused = refusal(metric.name, metric.subject, tolerance, uncertainty)
     if refused is not None:
         return metric.model_copy(update={"note": refused})
-    return metric.model_copy(update={"tolerance": tolerance, "reason": f"{reason} ({need[bar.engine]})"})
+    return metric.model_copy(update={"tolerance": tolerance, "reason": f"{reason} ({bar.reason or need[bar.engine]})"})
 
 
 def _scale(bar: Bar, metric: Metric, machine: Machine, peaks: dict[str, float]) -> float:

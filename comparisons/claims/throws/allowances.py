@@ -20,7 +20,7 @@ from ....models.problem import Problem
 from ....models.registry import model
 from ....models.trebuchet import PROJECTILE
 from ....reference.solver import solve
-from ...tolerances import BARS, Bar
+from ...tolerances import Bar, bar_for
 from .headline import Figures, read
 from .multipliers import SHAPES
 from .sampled import SampledMotion
@@ -101,14 +101,7 @@ def _direct(engine: Engine, mechanism: Mechanism, name: str, ours: Figures) -> f
 def _bar(engine: Engine, metric: str, mechanism: Mechanism, subject: str | None = None) -> tuple[Bar, float] | None:
     """The bar of the tuned preset stated for the longest step not above the engine's own, and its value there."""
     step = getattr(engine, "timestep", None)
-    fitting = [
-        bar
-        for bar in BARS
-        if (bar.engine, bar.preset, bar.metric) == (engine.name, "tuned", metric)
-        and bar.subject in (None, subject)
-        and bar.model in (None, mechanism.name)
-    ]
-    if not fitting or not isinstance(step, float):
+    best = bar_for(engine.name, "tuned", metric, subject, mechanism, step) if isinstance(step, float) else None
+    if best is None or not isinstance(step, float):
         return None
-    best = min(fitting, key=lambda bar: (bar.timestep > step * (1 + 1e-9), -bar.timestep, bar.value))
     return best, best.value * max(1.0, step / best.timestep) ** best.order
