@@ -17,13 +17,16 @@ from trebucheck.comparisons.advice import Advice
 from trebucheck.comparisons.budget.results import Explanation
 from trebucheck.comparisons.campaign import Comparison
 from trebucheck.comparisons.claims.results import Study
+from trebucheck.comparisons.claims.shown.markdown import summary
+from trebucheck.comparisons.claims.study import study
 from trebucheck.comparisons.convergence.results import Studies
 from trebucheck.comparisons.results import Results
 from trebucheck.comparisons.summary import COLUMNS, step
+from trebucheck.models.registry import models
 from trebucheck.models.schema import mechanism_schema, schema_text
 
 ROOT = Path(__file__).parents[1]
-BLOCK = re.compile(r"(<!-- generated: agreement -->\n).*?(<!-- end -->)", re.DOTALL)
+OTHERS = tuple(name for name in models() if name not in ("fixed", "rolling"))
 
 
 def agreement_table(comparison: Comparison) -> str:
@@ -73,12 +76,20 @@ def write_schemas() -> None:
     (ROOT / "comparisons" / "schemas" / "recommend.schema.json").write_text(schema_text(Advice))
 
 
+def _with_block(text: str, name: str, content: str) -> str:
+    """The text with what stands between `<!-- generated: name -->` and `<!-- end -->` replaced."""
+    block = re.compile(rf"(<!-- generated: {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+    return block.sub(lambda match: match[1] + content + match[2], text)
+
+
 def main() -> None:
     """Rewrite all of it."""
     write_schemas()
     comparison = tb.compare()
     readme = ROOT / "README.md"
-    text = BLOCK.sub(lambda match: match[1] + agreement_table(comparison) + match[2], readme.read_text())
+    text = _with_block(readme.read_text(), "agreement", agreement_table(comparison))
+    text = _with_block(text, "other machines", agreement_table(tb.compare(OTHERS, presets=["tuned"])))
+    text = _with_block(text, "paper", summary(study()))
     readme.write_text(text)
     pictures = ROOT / "docs" / "pictures"
     pictures.mkdir(exist_ok=True)
