@@ -6,7 +6,8 @@ import math
 
 from pydantic import Field
 
-from .mechanism import GROUND, Body, Marker, Mechanism, PinJoint
+from .arm import loaded_arm
+from .mechanism import GROUND, Marker, Mechanism, PinJoint
 from .parameters import Angle
 from .spec import Positive, Spec
 from .trebuchet import COUNTERWEIGHT, FULCRUM, PROJECTILE
@@ -39,10 +40,9 @@ def catapult(parameters: CatapultParameters | None = None) -> Mechanism:
         parameters: Table I's masses and arm where left out.
     """
     p = parameters or CatapultParameters()
-    arm = _arm(p)
     return Mechanism(
         name="catapult",
-        bodies=(arm,),
+        bodies=(loaded_arm(p.l1, p.l2, p.m_a, {p.l1: p.m_b, -p.l2: p.m_cw}),),
         joints=(PinJoint(name=FULCRUM, parent=GROUND, child="arm", parent_point=(0, 0), child_point=(0, 0)),),
         markers=(
             Marker(name=PROJECTILE, body="arm", point=(p.l1, 0), mass=p.m_b),
@@ -51,12 +51,3 @@ def catapult(parameters: CatapultParameters | None = None) -> Mechanism:
         gravity=p.g,
         start=(p.theta0,),
     )
-
-
-def _arm(p: CatapultParameters) -> Body:
-    mass = p.m_b + p.m_cw + p.m_a
-    centre = (p.m_b * p.l1 - p.m_cw * p.l2 + p.m_a * (p.l1 - p.l2) / 2) / mass
-    beam = p.l1 + p.l2
-    rod = p.m_a * (beam**2 / 12 + ((p.l1 - p.l2) / 2 - centre) ** 2)
-    points = p.m_b * (p.l1 - centre) ** 2 + p.m_cw * (p.l2 + centre) ** 2
-    return Body(name="arm", angle="theta", mass=mass, centre=(centre, 0), inertia=rod + points)

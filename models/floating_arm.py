@@ -10,13 +10,14 @@ import math
 
 from pydantic import Field
 
+from .arm import loaded_arm
+from .hinged import TROUGH
 from .mechanism import Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint
 from .parameters import Angle
 from .spec import Positive, Spec
 from .trebuchet import COUNTERWEIGHT, PROJECTILE, SLING_PIN
 
 DROP, TRACK = "drop", "track"
-TROUGH = "trough"
 
 
 class FloatingArmParameters(Spec):
@@ -49,11 +50,11 @@ def floating_arm(parameters: FloatingArmParameters | None = None) -> Mechanism:
     """
     p = parameters or FloatingArmParameters()
     sling = Body(name="sling", angle="phi", mass=p.m_b, centre=(p.r, 0), inertia=0)
-    wheel = p.l2 * math.cos(p.theta0)
-    tip = (wheel + p.l1 * math.cos(p.theta0), -p.l1 * math.sin(p.theta0))
+    floor = -p.l1 * math.sin(p.theta0) - p.r * math.sin(p.phi0)
+    trough = PointStop(name=TROUGH, body="sling", point=(p.r, 0), normal=(0, 1), offset=floor, closed=True)
     return Mechanism(
         name="floating-arm",
-        bodies=(_arm(p), sling),
+        bodies=(loaded_arm(p.l1, p.l2, p.m_a, {-p.l2: p.m_cw}), sling),
         joints=(
             SlotJoint(
                 name=DROP, child="arm", parent_point=(0, 0), child_point=(-p.l2, 0), axis=(0, 1), coordinate="drop"
@@ -61,16 +62,7 @@ def floating_arm(parameters: FloatingArmParameters | None = None) -> Mechanism:
             PinJoint(name=SLING_PIN, parent="arm", child="sling", parent_point=(p.l1, 0), child_point=(0, 0)),
             SlotJoint(name=TRACK, child="arm", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0)),
         ),
-        stops=(
-            PointStop(
-                name=TROUGH,
-                body="sling",
-                point=(p.r, 0),
-                normal=(0, 1),
-                offset=tip[1] - p.r * math.sin(p.phi0),
-                closed=True,
-            ),
-        ),
+        stops=(trough,),
         markers=(
             Marker(name=PROJECTILE, body="sling", point=(p.r, 0)),
             Marker(name=COUNTERWEIGHT, body="arm", point=(-p.l2, 0)),
@@ -79,11 +71,3 @@ def floating_arm(parameters: FloatingArmParameters | None = None) -> Mechanism:
         gravity=p.g,
         start=(p.theta0, p.phi0, p.l2 * math.sin(p.theta0)),
     )
-
-
-def _arm(p: FloatingArmParameters) -> Body:
-    mass = p.m_cw + p.m_a
-    middle = (p.l1 - p.l2) / 2
-    centre = (p.m_a * middle - p.m_cw * p.l2) / mass
-    rod = p.m_a * ((p.l1 + p.l2) ** 2 / 12 + (middle - centre) ** 2)
-    return Body(name="arm", angle="theta", mass=mass, centre=(centre, 0), inertia=rod + p.m_cw * (p.l2 + centre) ** 2)

@@ -10,10 +10,10 @@ import math
 
 from pydantic import Field
 
-from .mechanism import GROUND, Body, Marker, Mechanism, PinJoint, PointStop
-from .parameters import Angle
+from .mechanism import Mechanism, PointStop
+from .parameters import Angle, TrebuchetParameters
 from .spec import Positive, Spec
-from .trebuchet import COUNTERWEIGHT, FULCRUM, HANGER_PIN, PROJECTILE, SLING_PIN
+from .trebuchet import COUNTERWEIGHT, PROJECTILE, fixed
 
 TROUGH = "trough"
 
@@ -47,24 +47,15 @@ def hinged(parameters: HingedParameters | None = None) -> Mechanism:
         parameters: as documented there where left out.
     """
     p = parameters or HingedParameters()
-    beam = p.l1 + p.l2
-    arm = Body(name="arm", angle="theta", mass=p.m_a, centre=((p.l1 - p.l2) / 2, 0), inertia=p.m_a * beam**2 / 12)
-    sling = Body(name="sling", angle="phi", mass=p.m_b, centre=(p.r, 0), inertia=0)
-    hanger = Body(name="hanger", angle="alpha", mass=p.m_cw, centre=(p.h, 0), inertia=0)
+    whipper = fixed(TrebuchetParameters(**p.model_dump()))
     floor = -p.l1 * math.sin(p.theta0) - p.r * math.sin(p.phi0)
+    trough = PointStop(name=TROUGH, body="sling", point=(p.r, 0), normal=(0, 1), offset=floor, closed=True)
     return Mechanism(
         name="hinged",
-        bodies=(arm, sling, hanger),
-        joints=(
-            PinJoint(name=FULCRUM, parent=GROUND, child="arm", parent_point=(0, 0), child_point=(0, 0)),
-            PinJoint(name=SLING_PIN, parent="arm", child="sling", parent_point=(p.l1, 0), child_point=(0, 0)),
-            PinJoint(name=HANGER_PIN, parent="arm", child="hanger", parent_point=(-p.l2, 0), child_point=(0, 0)),
-        ),
-        stops=(PointStop(name=TROUGH, body="sling", point=(p.r, 0), normal=(0, 1), offset=floor, closed=True),),
-        markers=(
-            Marker(name=PROJECTILE, body="sling", point=(p.r, 0)),
-            Marker(name=COUNTERWEIGHT, body="hanger", point=(p.h, 0)),
-        ),
+        bodies=whipper.bodies,
+        joints=whipper.joints,
+        stops=(trough,),
+        markers=tuple(marker for marker in whipper.markers if marker.name in (PROJECTILE, COUNTERWEIGHT)),
         gravity=p.g,
-        start=(p.theta0, p.phi0, p.alpha0),
+        start=whipper.start,
     )
