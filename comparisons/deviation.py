@@ -29,7 +29,8 @@ class Deviation(Spec):
 
     end: Real = Field(description="end of the compared motion [s]")
     position: tuple[tuple[Real, ...], ...] = Field(description="of the projectile, x and y [m], shape (2, GRID + 1)")
-    torques: dict[str, tuple[Real, ...]] = Field(description="of stops closed at the start [N m], on the grid")
+    torques: dict[str, tuple[Real, ...]] = Field(description="of stops closed at the start [N m, N], on the grid")
+    force_units: dict[str, str] = Field(default_factory=dict, description="of the torques; N m where left out")
     energy: tuple[Real, ...] = Field(description="total energy, of that at the start [J], on the grid")
     release_times: dict[str, Real | None] = Field(description="[s]; None where only one of the two releases")
     launch_time: Real | None = Field(description="[s]")
@@ -83,6 +84,7 @@ def deviation(trajectory: Trajectory, solution: Solution, end: float, reference:
     metrics = {m.label: m.value for m in measure(trajectory, solution, end, reference) if m.value is not None}
     return Deviation(
         end=end,
+        force_units={name: trajectory.mechanism.stop(name).force_unit for name in torques},
         position=tuple(tuple(row) for row in _carried(trajectory.t, apart, grid).T.tolist()),
         torques={name: tuple(values.tolist()) for name, values in torques.items()},
         energy=tuple(np.interp(grid, trajectory.t, trajectory.total_energy - start).tolist()),

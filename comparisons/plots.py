@@ -31,13 +31,14 @@ def finish(figure: go.Figure, height: int, legend_at: float = -0.16) -> go.Figur
 
 
 def skeleton(mechanism: Mechanism, kinematics: Kinematics, q: FloatArray) -> tuple[list[float], list[float]]:
-    """Each body as the polyline of its joints and its centre, one after the other with gaps between [m]."""
+    """Each body as the polyline of its joints, markers and centre, one after the other with gaps between [m]."""
     xs: list[float] = []
     ys: list[float] = []
     for body in mechanism.bodies:
         points = {body.centre}
         points |= {joint.child_point for joint in mechanism.joints if joint.child == body.name}
         points |= {joint.parent_point for joint in mechanism.joints if joint.parent == body.name}
+        points |= {marker.point for marker in mechanism.markers if marker.body == body.name}
         where = [kinematics.position(kinematics.point(body.name, point), q) for point in sorted(points)]
         xs += [*(float(p[0]) for p in where), math.nan]
         ys += [*(float(p[1]) for p in where), math.nan]

@@ -13,13 +13,14 @@ from plotly.offline import get_plotlyjs
 
 from ..models.arrays import FloatArray
 from ..models.trajectory import Trajectory
+from ..models.trebuchet import parameters_of
 from ..reference.certificate import Figure as CertifiedFigure
 from ..reference.certificate import load_certificate
 from . import figures
 from .campaign import Comparison
 from .plots import embedded
 from .results import Machine, Pair, Run
-from .summary import COLUMNS, GATE_KINDS, complaints, cost, diagnosis, figure, gate_cell, headline, step
+from .summary import COLUMNS, GATE_KINDS, complaints, cost, diagnosis, figure, gate_cell, headline, push, step
 from .terminal import verdict
 
 _CERTIFIED = ("release_time", "launch_time", "launch_speed", "launch_angle", "range", "stop_torque", "total_energy")
@@ -50,6 +51,13 @@ class Chapter:
         return [f for f in certificate.figures if f.name in _CERTIFIED and f.time is None] if certificate else []
 
     @property
+    def formulations(self) -> str:
+        """What its certificate was computed from; the paper's equations are those of its own two machines."""
+        if parameters_of(self.machine.mechanism) is None:
+            return "minimal and redundant coordinates"
+        return "minimal and redundant coordinates and the paper's own equations"
+
+    @property
     def labels(self) -> list[str]:
         """Runs that moved, in the order of the table."""
         paired = {label for pair in self.pairs for label in (pair.first, pair.second)}
@@ -72,6 +80,7 @@ def report_html(comparison: Comparison) -> str:
         columns=COLUMNS,
         plotly=get_plotlyjs(),
         figure=figure,
+        push=push,
         complaints=complaints,
         diagnosis=diagnosis,
         gate_kinds=GATE_KINDS,

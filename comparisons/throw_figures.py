@@ -11,8 +11,9 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from ..models.arrays import FloatArray
+from ..models.trebuchet import COUNTERWEIGHT
 from ..reference.flight import Flight, Surroundings, fly
-from ..reference.members import axial_force, members, supports, upward_force
+from ..reference.members import axial_force, carries, members, supports, upward_force
 from ..reference.throw import Performance
 from .plots import finish, skeleton
 
@@ -38,7 +39,8 @@ def machine_figure(performance: Performance) -> go.Figure:
         )  # fmt: skip
     path = solution.trajectory(np.linspace(0.0, release.time, _POINTS))
     bodies = {member.body.name for member in members(mechanism)}
-    shown = [m.name for m in mechanism.markers if m.body in bodies or m.name == performance.projectile.name]
+    ends = (performance.projectile.name, COUNTERWEIGHT)
+    shown = [m.name for m in mechanism.markers if m.body in bodies or m.name in ends]
     for name, colour in zip(shown, _COLOURS, strict=False):
         x, y = path.marker(name).position.T
         figure.add_scatter(x=x, y=y, name=name, line={"color": colour, "width": 3})
@@ -88,7 +90,7 @@ Quantity = Callable[[FloatArray], FloatArray]
 
 
 def force_figure(performance: Performance) -> go.Figure:
-    """Axial forces, upward forces of the ground and torques of the stops, up to the release."""
+    """Axial forces, upward forces of the ground and torques (or forces) of the stops, up to the release."""
     panels = [(title, unit, lines) for title, unit, lines in _panels(performance) if lines]
     figure = make_subplots(
         rows=len(panels), cols=1, shared_xaxes=True, vertical_spacing=0.07, subplot_titles=[p[0] for p in panels]
@@ -137,11 +139,17 @@ def _panels(performance: Performance) -> Iterator[tuple[str, str, dict[str, Quan
     yield "Axial forces: tension above zero, compression below (a rope would be slack)", "kN", {
         member.body.name: (lambda t, member=member: axial_force(solution, member, t)) for member in members(mechanism)
     }  # fmt: skip
-    yield "Upward force of the ground on the machine: below zero, wheels would lift off", "kN", {
-        joint.name: (lambda t, joint=joint: upward_force(solution, joint, t)) for joint in supports(mechanism)
+    yield "Upward force of the ground on the machine: below zero, it would lift off", "kN", {
+        joint.name: (lambda t, joint=joint: upward_force(solution, joint, t))
+        for joint in supports(mechanism)
+        if carries(joint)
     }  # fmt: skip
-    yield "Torques of the rests", "kN m", {
-        stop.name: (lambda t, name=stop.name: solution.motion(t).stop_torques[name])
-        for stop in mechanism.stops
-        if stop.closed
-    }  # fmt: skip
+    for title, unit, stops in (
+        ("Torques of the stops", "kN m", mechanism.angle_stops),
+        ("Forces of the stops", "kN", mechanism.point_stops),
+    ):
+        yield title, unit, {
+            stop.name: (lambda t, name=stop.name: solution.motion(t).stop_torques[name])
+            for stop in stops
+            if stop.closed
+        }  # fmt: skip

@@ -13,9 +13,12 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from ..models.mechanism import Mechanism, PinJoint
 from ..models.parameters import TrebuchetParameters
 from ..models.registry import model
-from ..reference.throw import FlightFigures, LaunchFigures, Performance, Sensitivity, Throw, spoken
+from ..models.trebuchet import FULCRUM
+from ..reference.throw import FlightFigures, LaunchFigures, Performance, Sensitivity, Throw, origin, spoken
+from .summary import push
 
 if TYPE_CHECKING:
     from ..reference.members import MemberForce, SupportForce
@@ -35,12 +38,21 @@ def groups(throw: Throw) -> list[Group]:
     """All figures of a throw, as the terminal and the page show them."""
     found = [
         Group(f"Release ({throw.released})", list(_launch_rows(throw.launch))),
-        Group("Rests", list(_rest_rows(throw))),
-        Group(f"Flight ({_air(throw)})", list(_flight_rows(throw.flight))),
+        Group("Stops", list(_rest_rows(throw))),
+        Group(f"Flight ({_air(throw)})", list(_flight_rows(throw.flight, origin_name(throw.mechanism)))),
         Group("Longest range", list(_best_rows(throw))),
         Group("Forces up to the release", list(_force_rows(throw))),
     ]
     return [group for group in found if group.rows]
+
+
+def origin_name(mechanism: Mechanism) -> str:
+    """What places are measured from: the pin, or what a slot of another name guides."""
+    joint = origin(mechanism)
+    if isinstance(joint, PinJoint) or joint.name == FULCRUM:
+        return joint.name
+    there = (m.name for m in mechanism.markers if (m.body, m.point) == (joint.child, joint.child_point))
+    return next(there, joint.name)
 
 
 def _air(throw: Throw) -> str:
@@ -54,23 +66,29 @@ def _launch_rows(launch: LaunchFigures) -> Iterator[Row]:
     yield "speed", f"{launch.speed:.6f} m/s"
     yield "angle of the velocity", f"{math.degrees(launch.angle):.4f} deg"
     yield "position x, y", f"{launch.x:.4f}, {launch.y:.4f} m"
-    yield "sling to arm", f"{math.degrees(launch.sling_angle):.4f} deg"
+    yield from _sling_rows(launch)
     if launch.kinetic_energy is not None:
         yield "projectile's kinetic energy", f"{launch.kinetic_energy / 1e3:.4f} kJ"
     if launch.energy_ratio is not None:
         yield "R = kinetic / total energy", f"{launch.energy_ratio:.6f}"
 
 
+def _sling_rows(launch: LaunchFigures) -> Iterator[Row]:
+    if launch.sling_angle is not None:
+        yield "sling to arm", f"{math.degrees(launch.sling_angle):.4f} deg"
+
+
 def _rest_rows(throw: Throw) -> Iterator[Row]:
     for rest in throw.rests:
         opens = "not before the release" if rest.release_time is None else f"{rest.release_time:.9f} s"
         yield f"{rest.name} opens", opens
-        yield f"{rest.name}, torque at start", f"{rest.start_torque:.4f} N m"
+        stop = throw.mechanism.stop(rest.name)
+        yield f"{rest.name}, {push(stop)} at start", f"{rest.start_torque:.4f} {stop.force_unit}"
 
 
-def _flight_rows(flight: FlightFigures) -> Iterator[Row]:
-    yield "range from the fulcrum", f"{flight.range:.4f} m"
-    yield "apex above the fulcrum", f"{flight.apex_height:.4f} m"
+def _flight_rows(flight: FlightFigures, measured_from: str) -> Iterator[Row]:
+    yield f"range from the {measured_from}", f"{flight.range:.4f} m"
+    yield f"apex above the {measured_from}", f"{flight.apex_height:.4f} m"
     yield "time of flight", f"{flight.time:.4f} s"
     yield "impact speed", f"{flight.impact_speed:.4f} m/s"
     yield "impact angle below level", f"{math.degrees(flight.impact_angle):.4f} deg"
@@ -82,7 +100,7 @@ def _best_rows(throw: Throw) -> Iterator[Row]:
         return
     yield "release at", f"{throw.best_launch.time:.9f} s"
     yield "angle, speed", f"{math.degrees(throw.best_launch.angle):.4f} deg, {throw.best_launch.speed:.4f} m/s"
-    yield "sling to arm", f"{math.degrees(throw.best_launch.sling_angle):.4f} deg"
+    yield from _sling_rows(throw.best_launch)
     yield "range", f"{throw.best_flight.range:.4f} m"
     yield "gain over this release", f"{throw.gain:.4f} m"
 
@@ -103,10 +121,11 @@ def _member_rows(member: MemberForce) -> Iterator[Row]:
 
 
 def _support_rows(support: SupportForce) -> Iterator[Row]:
-    direction = f"{math.degrees(support.peak_direction):.2f} deg"
+    direction = f"{round(math.degrees(support.peak_direction), 2) + 0.0:.2f} deg"  # no -0.00
     yield f"{support.joint}, largest force", f"{_force_at(support.peak, support.peak_time)}, towards {direction}"
-    part = "least force on the wheels" if support.rolls else "least upward force"
-    yield f"{support.joint}, {part}", _force_at(support.least, support.least_time)
+    if support.least is not None and support.least_time is not None:
+        part = "least force on the wheels" if support.rolls else "least upward force"
+        yield f"{support.joint}, {part}", _force_at(support.least, support.least_time)
     if support.pulls_down:
         what = "wheels would lift off" if support.rolls else "pulled down by the ground"
         yield f"{support.joint}, {what}", spoken(support.pulls_down)
@@ -200,7 +219,7 @@ def print_throw(throw: Throw, to: Console) -> None:
 
 
 def _title(throw: Throw) -> str:
-    where = "" if throw.height == 0 else f", landing {throw.height:g} m above the fulcrum"
+    where = "" if throw.height == 0 else f", landing {throw.height:g} m above the {origin_name(throw.mechanism)}"
     return f"{throw.mechanism.name}: one throw, g = {throw.gravity:g} m/s²{where}"
 
 
@@ -226,6 +245,7 @@ def throw_html(performance: Performance, throw: Throw) -> str:
     text = files("trebucheck.comparisons").joinpath("templates/throw.html.j2").read_text(encoding="utf-8")
     return environment.from_string(text).render(
         throw=throw,
+        origin=origin_name(throw.mechanism),
         title=_title(throw),
         groups=groups(throw),
         headings=SENSITIVITY_HEADINGS,

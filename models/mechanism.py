@@ -112,7 +112,7 @@ class PointStop(Spec):
 
 def _tag_of_stop(value: object) -> str:
     if isinstance(value, dict):
-        return "point stop" if "point" in cast("dict[str, object]", value) else "stop"
+        return "point stop" if {"point", "normal", "offset"} & cast("dict[str, object]", value).keys() else "stop"
     return "point stop" if isinstance(value, PointStop) else "stop"
 
 

@@ -54,10 +54,17 @@ class SpecError(InputError):
             field = ".".join(str(step) for step in row["loc"] if step not in _TAGS)
             inner = row.get("ctx", {}).get("error")
             if isinstance(inner, SpecError):
-                complaints += [(f"{field}.{name}" if name else field, text) for name, text in inner.complaints]
+                complaints += [_inside(field, name, text) for name, text in inner.complaints]
             else:
                 complaints.append((field, _complaint(row, field)))
         return cls(subject, complaints)
+
+
+def _inside(field: str, name: str, text: str) -> tuple[str, str]:
+    """A complaint of an inner description, with the outer field in front of its place."""
+    if field and not name:
+        return field, f": {text}"
+    return f"{field}.{name}" if field else name, text
 
 
 def _complaint(row: ErrorDetails, field: str) -> str:

@@ -23,6 +23,7 @@ from ..models.spec import Real, Spec
 from .solution import Solution
 
 _SCAN = 1500  # samples between which a force changes its sign at most once: 2 ms apart on Table I
+_UPRIGHT = 1e-9  # [rad] a slot nearer to upright than this carries nothing: rounding of its axis
 _ROUNDING = 1e-9  # of the largest force: a smaller compression is rounding of a force that is zero
 
 Interval = tuple[Real, Real]
@@ -48,12 +49,15 @@ class SupportForce(Spec):
     """Force of the ground on the machine over a motion."""
 
     joint: str
-    rolls: bool = Field(description="a slot: wheels without mass that can only push")
+    rolls: bool = Field(description="a slot that carries the machine: wheels without mass that can only push")
     peak: Real = Field(description="largest magnitude [N]")
     peak_time: Real = Field(description="[s]")
     peak_direction: Real = Field(description="of the largest, from +x, above the horizontal [rad]")
-    least: Real = Field(description="least upward part (a slot: normal to it) [N]; negative pulls the machine down")
-    least_time: Real = Field(description="[s]")
+    least: Real | None = Field(
+        description="least upward part (a slot: normal to it) [N]; negative pulls the machine down; None: an upright "
+        "slot, which guides and carries nothing"
+    )
+    least_time: Real | None = Field(description="[s]")
     pulls_down: tuple[Interval, ...] = Field(description="when wheels would lift off, or a frame must be anchored [s]")
 
 
@@ -124,10 +128,19 @@ def supports(mechanism: Mechanism) -> tuple[PinJoint | SlotJoint, ...]:
     return tuple(joint for joint in mechanism.joints if joint.parent == GROUND)
 
 
+def carries(joint: PinJoint | SlotJoint) -> bool:
+    """Whether a joint on the ground can bear weight: an upright slot only guides, by whichever of its sides."""
+    return isinstance(joint, PinJoint) or abs(joint.axis[0]) > _UPRIGHT
+
+
 def upward_force(solution: Solution, joint: PinJoint | SlotJoint, t: FloatArray) -> FloatArray:
-    """Of the ground on the machine [N], shape (n,): vertical at a pin, normal to a slot and away from the ground."""
+    """Of the ground on the machine [N], shape (n,): vertical at a pin, normal to a slot and away from the ground.
+
+    Args:
+        joint: one that :func:`carries`.
+    """
     up = (0.0, 1.0)
-    if isinstance(joint, SlotJoint) and joint.axis[0] != 0:
+    if isinstance(joint, SlotJoint):
         up = (-joint.axis[1], joint.axis[0]) if joint.axis[0] > 0 else (joint.axis[1], -joint.axis[0])
     return solution.joint_reactions(solution.motion(t))[joint.name] @ np.array(up)
 
@@ -150,17 +163,17 @@ def _support_force(solution: Solution, joint: PinJoint | SlotJoint, times: Float
         return upward_force(solution, joint, t)
 
     peak_time, peak = _largest(lambda t: np.hypot(*force(t).T), times)
-    least_time, negative = _largest(lambda t: -upward(t), times)
     x, y = force(np.array([peak_time]))[0]
+    least_time, negative = _largest(lambda t: -upward(t), times) if carries(joint) else (None, None)
     return SupportForce(
         joint=joint.name,
-        rolls=isinstance(joint, SlotJoint),
+        rolls=isinstance(joint, SlotJoint) and carries(joint),
         peak=peak,
         peak_time=peak_time,
         peak_direction=math.atan2(y, x),
-        least=-negative,
+        least=None if negative is None else -negative,
         least_time=least_time,
-        pulls_down=negative_intervals(upward, times),
+        pulls_down=negative_intervals(upward, times, peak) if carries(joint) else (),
     )
 
 
@@ -185,16 +198,21 @@ def _largest(value: Callable[[FloatArray], FloatArray], times: FloatArray) -> tu
     return max((float(times[i]), float(samples[i])), (float(found.x), -float(found.fun)), key=lambda pair: pair[1])
 
 
-def negative_intervals(value: Callable[[FloatArray], FloatArray], times: FloatArray) -> tuple[Interval, ...]:
+def negative_intervals(
+    value: Callable[[FloatArray], FloatArray], times: FloatArray, size: float = 0.0
+) -> tuple[Interval, ...]:
     """Intervals in which a value is negative, their ends roots of it [s] (or the first or last time).
 
     Args:
         value: continuous but for jumps at impacts, which are located as well.
         times: samples [s], shape (n,), that no two roots lie between.
+        size: of what the value is a part of, which rounds it; its own largest if that is larger.
     """
     samples = value(times)
     negative = samples < 0
-    deep = -_ROUNDING * float(np.max(np.abs(samples), initial=0.0))
+    deep = -_ROUNDING * float(np.max(np.abs(samples), initial=size))
+    if np.min(samples, initial=0.0) >= deep:
+        return ()  # and no roots are sought in noise
     if len(samples) > 1 and abs(samples[0]) <= -deep:  # starts from zero: it is what it becomes
         negative[0] = negative[1]
     turns = np.flatnonzero(negative[1:] != negative[:-1])

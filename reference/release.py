@@ -82,14 +82,26 @@ class Projectile:
             kinematics.acceleration(row, motion.q, motion.u, motion.a),
         )
 
+    @property
+    def arm(self) -> str | None:
+        """The body that its own one hangs on, as a sling on an arm; None where that hangs on the ground."""
+        mechanism = self.solution.problem.mechanism
+        parent = next(joint.parent for joint in mechanism.tree_joints if joint.child == self.body.name)
+        return None if parent == GROUND else parent
+
     def sling_angle(self, t: FloatArray) -> FloatArray:
-        """Angle of its body from the body that one hangs on (phi - theta) [rad], shape (n,)."""
-        mechanism, q = self.solution.problem.mechanism, self.solution.motion(t).q
-        index = [body.name for body in mechanism.bodies].index(self.body.name)
-        parent = mechanism.tree_joints[index].parent
-        if parent == GROUND:
-            return q[:, index]
-        return q[:, index] - q[:, [body.name for body in mechanism.bodies].index(parent)]
+        """Angle of its body from the body that one hangs on (phi - theta) [rad], shape (n,).
+
+        Raises:
+            InputError: it is part of a body that hangs on the ground, so there is no such angle.
+        """
+        if self.arm is None:
+            raise InputError(
+                f"there is no sling angle: the {self.name} is part of the {self.body.name!r}, which hangs on no other "
+                "body; a release angle or a release time is needed."
+            )
+        names, q = [body.name for body in self.solution.problem.mechanism.bodies], self.solution.motion(t).q
+        return q[:, names.index(self.body.name)] - q[:, names.index(self.arm)]
 
     def release_at(self, time: float) -> Release:
         """Let go at a time [s].
@@ -121,7 +133,8 @@ class Projectile:
         """Let go when :meth:`sling_angle` first comes to a value [rad], its rest having opened.
 
         Raises:
-            InputError: it never does; the sentence gives the angles it takes in its first sweep.
+            InputError: it never does, and the sentence gives the angles it takes in its first sweep; or there is no
+                sling.
         """
         start, end = self.sweep()
         times = np.linspace(start, end, 4 * _SCAN)

@@ -12,11 +12,11 @@ from pydantic import Field
 
 from ..models.errors import InputError
 from ..models.launch import LAUNCH_ANGLE
-from ..models.mechanism import Mechanism
+from ..models.mechanism import Mechanism, PinJoint, SlotJoint
 from ..models.problem import Problem
 from ..models.spec import NonNegative, Positive, Real, Spec
 from .flight import Air, Flight, Surroundings, fly, world
-from .members import Interval, MemberForce, SupportForce, member_forces, support_forces, supports
+from .members import Interval, MemberForce, SupportForce, carries, member_forces, support_forces, supports
 from .release import Projectile
 from .solution import Solution
 from .solver import natural_time, solve
@@ -34,7 +34,7 @@ class LaunchFigures(Spec):
     angle: Real = Field(description="of the velocity above the horizontal [rad]")
     x: Real = Field(description="[m]")
     y: Real = Field(description="upwards [m]")
-    sling_angle: Real = Field(description="from the arm, phi - theta [rad]")
+    sling_angle: Real | None = Field(description="from the arm, phi - theta [rad]; None where there is no sling")
     kinetic_energy: Real | None = Field(description="of the projectile [J]; None where its mass is not its own")
     energy_ratio: Real | None = Field(description="the paper's R: kinetic over total energy; None without a positive E")
 
@@ -53,7 +53,7 @@ class RestFigures(Spec):
     """A stop that is closed at the start."""
 
     name: str
-    start_torque: Real = Field(description="[N m]")
+    start_torque: Real = Field(description="[N m], or the force of a stop on a point [N]")
     release_time: Real | None = Field(description="when it opens [s]; None if not before the release")
 
 
@@ -244,9 +244,15 @@ def _surroundings(projectile: Projectile, air: Air, height: float) -> Surroundin
     return Surroundings(gravity=gravity, drag=drag, ground=y + height, origin=x)
 
 
+def origin(mechanism: Mechanism) -> PinJoint | SlotJoint:
+    """The joint that places are measured from: the fulcrum, or what else on the ground carries the machine."""
+    on_ground = supports(mechanism)
+    return next((joint for joint in on_ground if carries(joint)), on_ground[0])
+
+
 def _fulcrum(solution: Solution) -> tuple[float, float]:
-    """Where the first joint on the ground stands at the start [m]."""
-    joint, kinematics = supports(solution.problem.mechanism)[0], solution.equations.kinematics
+    """Where the machine's :func:`origin` stands at the start [m]."""
+    joint, kinematics = origin(solution.problem.mechanism), solution.equations.kinematics
     x, y = kinematics.position(
         kinematics.point(joint.child, joint.child_point), np.array(solution.problem.mechanism.start)
     )
@@ -286,7 +292,7 @@ def _launch_figures(projectile: Projectile, flight: Flight, energy: float) -> La
         angle=release.angle,
         x=release.position[0] - x,
         y=release.position[1] - y,
-        sling_angle=float(projectile.sling_angle(np.array([release.time]))[0]),
+        sling_angle=None if projectile.arm is None else float(projectile.sling_angle(np.array([release.time]))[0]),
         kinetic_energy=kinetic,
         energy_ratio=None if kinetic is None or energy <= 0 else kinetic / energy,
     )
@@ -318,7 +324,7 @@ def _warnings(of_members: Iterable[MemberForce], of_supports: Iterable[SupportFo
         f"the ground would have to pull the wheels of {s.joint!r} down {spoken(s.pulls_down)} (with up to "
         f"{-s.least / 1e3:.4g} kN at {s.least_time:.4g} s): they would lift off"
         for s in of_supports
-        if s.rolls and s.pulls_down
+        if s.rolls and s.pulls_down and s.least is not None
     ]
 
 

@@ -11,7 +11,10 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from scipy.optimize import brentq
+from trebucheck.comparisons import campaign
+from trebucheck.comparisons.results import Outcome, Run
 from trebucheck.engines.inspection import Inspection, State
+from trebucheck.models.kinematics import Kinematics
 from trebucheck.reference.altered import WithoutCentrifugal, solve_scheduled
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solution import Solution
@@ -66,6 +69,40 @@ class Faulty:
         return self.reading(whole)
 
 
+@dataclass(frozen=True)
+class Fault:
+    """A fault, the tier that catches it, and words of its cause."""
+
+    name: str
+    tier: Outcome
+    cause: str
+    """Must stand in the name (or amount) of one of the first two causes; '': the cause need not be named."""
+    parts: dict[str, Any]
+    engine: str = "mujoco"
+    options: dict[str, Any] | None = None
+    text: Callable[[str], str] | None = None
+    """How MuJoCo's model text is spoilt."""
+    patch: Callable[[pytest.MonkeyPatch], None] | None = None
+    """How an engine's code is spoilt."""
+
+
+def run_with(fault: Fault, model: str, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """As `compare` runs it: the fault's own engine, spoilt on the way in."""
+    if fault.text:
+        rounded_text(monkeypatch, fault.text)
+    if fault.patch:
+        fault.patch(monkeypatch)
+    make = campaign.engine
+
+    def spoilt(name: str, preset: str, **options: Any) -> Any:
+        inner = make(name, preset, **options)
+        return Faulty(inner, **fault.parts) if fault.parts else inner
+
+    monkeypatch.setattr(campaign, "engine", spoilt)
+    results = tb.compare([model], [fault.engine], ["tuned"], isolate=False, **(fault.options or {})).results
+    return results.runs[0]
+
+
 def parameters(**changes: float) -> Callable[[tb.Mechanism], tb.Mechanism]:
     """The machine with other parameters."""
     build = {"fixed": tb.fixed, "rolling": tb.rolling}
@@ -92,6 +129,48 @@ def without(stop: str) -> Callable[[tb.Mechanism], tb.Mechanism]:
         return tb.Mechanism(**{**mechanism.model_dump(), "stops": stops})
 
     return wrong
+
+
+def without_joint(joint: str) -> Callable[[tb.Mechanism], tb.Mechanism]:
+    """The machine without a joint that closes a loop."""
+
+    def wrong(mechanism: tb.Mechanism) -> tb.Mechanism:
+        joints = [j.model_dump() for j in mechanism.joints if j.name != joint]
+        return tb.Mechanism(**{**mechanism.model_dump(), "joints": joints})
+
+    return wrong
+
+
+def tilted_slot(name: str, angle: float) -> Callable[[tb.Mechanism], tb.Mechanism]:
+    """The machine with a level slot turned by an angle [rad] about where its point starts."""
+
+    def wrong(mechanism: tb.Mechanism) -> tb.Mechanism:
+        slot = next(joint for joint in mechanism.joints if joint.name == name)
+        about = _start_place(mechanism, slot.child, slot.child_point)
+        turned = {"axis": (np.cos(angle), np.sin(angle)), "parent_point": about}
+        joints = [j.model_dump() | (turned if j.name == name else {}) for j in mechanism.joints]
+        return tb.Mechanism(**{**mechanism.model_dump(), "joints": joints})
+
+    return wrong
+
+
+def tilted_wall(name: str, angle: float) -> Callable[[tb.Mechanism], tb.Mechanism]:
+    """The machine with the level wall of a stop turned by an angle [rad] about where its point starts."""
+
+    def wrong(mechanism: tb.Mechanism) -> tb.Mechanism:
+        stop = mechanism.stop(name)
+        normal = (-np.sin(angle), np.cos(angle))
+        turned = {"normal": normal, "offset": np.dot(normal, _start_place(mechanism, stop.body, stop.point))}
+        stops = [s.model_dump() | (turned if s.name == name else {}) for s in mechanism.stops]
+        return tb.Mechanism(**{**mechanism.model_dump(), "stops": stops})
+
+    return wrong
+
+
+def _start_place(mechanism: tb.Mechanism, body: str, point: tuple[float, float]) -> tuple[float, float]:
+    kinematics = Kinematics(mechanism)
+    x, y = kinematics.position(kinematics.point(body, point), np.array(mechanism.start))
+    return float(x), float(y)
 
 
 def at_rest(state: State) -> State:
@@ -149,6 +228,11 @@ def scaled_torques(trajectory: tb.Trajectory) -> tb.Trajectory:
 def flipped_torque(trajectory: tb.Trajectory) -> tb.Trajectory:
     torques = {**trajectory.stop_torques, "sling rest": -trajectory.stop_torques["sling rest"]}
     return replace(trajectory, stop_torques=torques)
+
+
+def flipped_force(trajectory: tb.Trajectory) -> tb.Trajectory:
+    """The force of the trough with the wrong sign."""
+    return replace(trajectory, stop_torques={"trough": -trajectory.stop_torques["trough"]})
 
 
 def half_a_step_late(trajectory: tb.Trajectory) -> tb.Trajectory:

@@ -9,12 +9,14 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ...models.errors import InputError
+from ...models.mechanism import Mechanism
 from ...models.spec import Positive, Spec
 from ...reference.certificate import reference_uncertainty, refusal
 from ...reference.solution import Solution
+from ..summary import push_unit
 from ..trials import Trial
 
-UNITS = {"position": "m", "torque": "N m", "release": "s"}
+_QUANTITIES = ("position", "torque", "release")
 _METRICS = {"position": "position_max", "torque": "stop_torque_max", "release": "release_time"}
 _SAMPLES = 2001  # of the reference, in search of the largest torque
 
@@ -27,7 +29,9 @@ class Asked(Spec):
     """
 
     position: Positive | None = Field(default=None, description="distance of the projectile at any sample [m]")
-    torque: Positive | None = Field(default=None, description="of any stop's torque at any sample [N m]")
+    torque: Positive | None = Field(
+        default=None, description="of any stop's torque at any sample [N m, or N on points]"
+    )
     torque_share: Positive | None = Field(
         default=None, description="the same, as a share of the largest stop torque of each machine's own reference"
     )
@@ -52,8 +56,13 @@ class Asked(Spec):
         return {name: value for name, value in found.items() if value is not None}
 
 
+def unit_of(quantity: str, mechanism: Mechanism) -> str:
+    """Of a quantity that can be asked for."""
+    return {"position": "m", "torque": push_unit(mechanism), "release": "s"}[quantity]
+
+
 def largest_torque(solution: Solution, end: float) -> float:
-    """The largest torque of any stop up to a time, by the reference [N m]."""
+    """The largest torque of any stop up to a time, by the reference [N m, N]."""
     torques = solution.motion(np.linspace(0.0, end, _SAMPLES)).stop_torques.values()
     return max((float(torque.max()) for torque in torques), default=0.0)
 
@@ -72,13 +81,13 @@ def refuse_what_cannot_be_judged(asked: Asked, solution: Solution, end: float) -
     for quantity, value in allowed.items():
         refused = refusal(_METRICS[quantity], None, value, known.of(_METRICS[quantity]))
         if refused is not None:
-            raise InputError(f"{quantity} = {value:g} {UNITS[quantity]}: {refused}.")
+            raise InputError(f"{quantity} = {value:g} {unit_of(quantity, mechanism)}: {refused}.")
 
 
 def errors_of(trial: Trial, solution: Solution, end: float) -> dict[str, float]:
     """A trial's errors by quantity; infinite where the run failed or a release did not come."""
     if trial.deviation is None:
-        return dict.fromkeys(UNITS, math.inf)
+        return dict.fromkeys(_QUANTITIES, math.inf)
     position, torque = trial.position, trial.torque
     return {
         "position": math.inf if position is None else position,
@@ -94,7 +103,7 @@ def _release_error(trial: Trial, solution: Solution, end: float) -> float:
 
 
 def read_torque(text: str) -> dict[str, float]:
-    """'1e-3' as N m, '0.1%' as a share of the largest stop torque: the field of :class:`Asked` and its value.
+    """'1e-3' as N m (or N), '0.1%' as a share of the largest: the field of :class:`Asked` and its value.
 
     Raises:
         InputError: it is no number.
@@ -105,6 +114,6 @@ def read_torque(text: str) -> dict[str, float]:
         value = float(number.removesuffix("%"))
     except ValueError:
         raise InputError(
-            f"--torque {text!r} is not a number of N m (1e-3), nor a share of the largest stop torque (0.1%)."
+            f"--torque {text!r} is not a number of N m, or N (1e-3), nor a share of the largest stop torque (0.1%)."
         ) from None
     return {"torque_share": value / 100} if share else {"torque": value}

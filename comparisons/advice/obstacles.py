@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .asked import UNITS
 from .results import Obstacle
 from .search import Course, Follower, Place
 
@@ -94,7 +93,7 @@ def explain(follower: Follower, courses: Sequence[Course]) -> Verdict:
     # The quantity that is furthest off; two of them have two causes, but the first must go before the second shows.
     name = max(place.allowed, key=lambda name: found[name] / place.allowed[name])
     along = [error[name] for error in errors]
-    verdict = classify(steps, along, place.allowed[name], UNITS[name])
+    verdict = classify(steps, along, place.allowed[name], place.unit(name))
     least, step = min([(found[name], rung.step), *zip(along, steps, strict=True)])
     reached = _reached(course, place, name, least, step, rung.hardest)
     return Verdict(verdict.obstacle, f"{reached}; {verdict.sentence}.")
@@ -102,7 +101,7 @@ def explain(follower: Follower, courses: Sequence[Course]) -> Verdict:
 
 def _reached(course: Course, place: Place, name: str, error: float, step: float, index: int) -> str:
     where = "this machine" if index == 0 else "its hardest neighbour"
-    unit, allowed = UNITS[name], place.allowed[name]
+    unit, allowed = place.unit(name), place.allowed[name]
     return (
         f"the best, {course.options.name!r} at {step:g} s, has an error of the {name} of {error:.1e} {unit} on {where}"
         f", where {allowed:.1e} {unit} are asked"

@@ -28,7 +28,7 @@ class Errors(Spec):
     """The largest errors up to the launch; None: there is no such figure."""
 
     position: Real | None = Field(description="[m]")
-    torque: Real | None = Field(description="[N m]")
+    torque: Real | None = Field(description="[N m, or N on points]")
     torque_share: Real | None = Field(description="of the largest stop torque of the machine's own reference")
     release: Real | None = Field(description="[s]")
 

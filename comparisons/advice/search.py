@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from ..trials import Trial, Trials
-from .asked import Asked, errors_of, largest_torque
+from .asked import Asked, errors_of, largest_torque, unit_of
 from .candidates import OptionSet
 from .results import Errors
 
@@ -45,6 +45,10 @@ class Place:
     def allowed(self) -> dict[str, float]:
         """Largest error allowed, by quantity."""
         return self.asked.on(self.trials.solution, self.trials.end)
+
+    def unit(self, quantity: str) -> str:
+        """Of a quantity, on this machine."""
+        return unit_of(quantity, self.trials.mechanism)
 
     def errors(self, trial: Trial) -> dict[str, float]:
         """By quantity; infinite where the run failed."""

@@ -14,10 +14,13 @@ from typing import Any
 from pydantic import JsonValue
 
 from ...engines.protocol import Engine
+from ...models.mechanism import Mechanism
 from ...models.mjcf_writer import POINT_INERTIA
 from ..trials import settings_of
 
 Options = Mapping[str, JsonValue]
+
+_MOVING = "moving points"
 
 REFINEMENT = 8
 """Steps to one of the base: leaves 1/64 of an error of second order, so that no order need be assumed."""
@@ -65,17 +68,35 @@ class Cause:
         return {} if chosen is None else chosen.options
 
 
-def causes_of(engine: Engine) -> tuple[Cause, ...]:
+def causes_of(engine: Engine, mechanism: Mechanism | None = None) -> tuple[Cause, ...]:
     """Causes that an engine with these options may have, in the order in which they are best taken out.
 
     Nothing is run. A cause whose options are already set as its removal would set them is left out. Of an engine
     without a table (a plug-in) only the time step is known, if it has one.
+
+    Args:
+        mechanism: that it moves: some causes are there only where points are held, by stops or by loops of joints.
     """
     settings = settings_of(engine) or {"timestep": getattr(engine, "timestep", None)}
     table = _TABLES.get(engine.name, _steps_only)
-    found = [cause for cause in table(settings) if _does_anything(cause, settings)]
+    found = [cause for cause in table(settings, Held.by(mechanism)) if _does_anything(cause, settings)]
     names = {cause.name for cause in found}
     return tuple(replace(cause, after=tuple(name for name in cause.after if name in names)) for cause in found)
+
+
+@dataclass(frozen=True)
+class Held:
+    """What the constraints of a machine hold, of which engines' options may make a difference."""
+
+    angles: bool = True
+    points: bool = False
+
+    @classmethod
+    def by(cls, mechanism: Mechanism | None) -> Held:
+        """Of a machine; with none given, of the paper's, whose stops are on angles."""
+        if mechanism is None:
+            return cls()
+        return cls(bool(mechanism.angle_stops), bool(mechanism.point_stops or mechanism.loop_joints))
 
 
 def described(intervention: Intervention, settings: Options) -> str:
@@ -133,25 +154,38 @@ def _with_readout(*causes: Cause) -> tuple[Cause, ...]:
     return (*causes, Cause("readout", text, Intervention(own_kinematics=True), after=removed_before))
 
 
-def _steps_only(settings: Any) -> tuple[Cause, ...]:
+def _steps_only(settings: Any, _: Held) -> tuple[Cause, ...]:
     h = settings.get("timestep")
     return (_time_step({"timestep": h / REFINEMENT}),) if isinstance(h, float) else ()
 
 
-def _stiffest(h: float, integrator: str) -> list[JsonValue]:
-    """MuJoCo's stiffest limits at a step of h [s]: what its `solref = None` stands for, written out."""
-    return [-1.0 / h**2, -(2.0 if integrator == "RK4" else 1.0) / h]
+def _stiffest(h: float, integrator: str, held: Held) -> list[JsonValue]:
+    """MuJoCo's stiffest limits at a step of h [s]: what its `solref = None` stands for, written out.
+
+    Points held through all stages of RK4 take less damping than angles; where there are both, it is the angles'.
+    """
+    damping = 1.0 if integrator != "RK4" else 2.0 if held.angles else 1.5
+    return [-1.0 / h**2, -damping / h]
 
 
-def _mujoco(settings: Any) -> tuple[Cause, ...]:
+def _mujoco(settings: Any, held: Held) -> tuple[Cause, ...]:
+    # Stiff points that are not held as they move are unstable: no other cause can be taken out before.
+    causes = [replace(cause, after=(*cause.after, _MOVING)) for cause in _mujoco_anywhere(settings, held)]
+    text = "MuJoCo leaves out of contacts the acceleration that a held point has from the speeds alone"
+    moving = [Cause(_MOVING, text, Intervention({"moving_points": True}))] if held.points else []
+    return _with_readout(*moving, *causes)
+
+
+def _mujoco_anywhere(settings: Any, held: Held) -> tuple[Cause, ...]:
     h = float(settings["timestep"])
     finer: dict[str, JsonValue] = {"timestep": h / REFINEMENT}
     if settings["solref"] is None:  # it would follow the step
-        finer["solref"] = _stiffest(h, settings["integrator"])
-    return _with_readout(
-        *_mujoco_softness(settings),
+        finer["solref"] = _stiffest(h, settings["integrator"], held)
+    return (
+        *_mujoco_softness(settings, held),
+        # Points are pressed in by an acceleration: with softer ones than the step can bear they would jump.
         Cause("start transient", "soft limits start without the give that carries their torque",
-              Intervention({"preload": True})),
+              Intervention({"preload": True}), after=("constraint softness",) if held.points else ()),
         Cause("solver tolerance", "where MuJoCo's constraint solver stops",
               Intervention({"solver": "Newton", "tolerance": min(1e-30, float(settings["tolerance"]))})),
         Cause("limits kept", "stops stay in the model after they have released, and may be met again",
@@ -165,23 +199,23 @@ def _mujoco(settings: Any) -> tuple[Cause, ...]:
     )  # fmt: skip
 
 
-def _mujoco_softness(settings: Any) -> tuple[Cause, ...]:
+def _mujoco_softness(settings: Any, held: Held) -> tuple[Cause, ...]:
     """Softness as two causes at most: an error of (1 - d) tc^2, d the impedance, tc the limits' time constant."""
     h, integrator = float(settings["timestep"]), settings["integrator"]
-    stiffest, given, shape = _stiffest(h, integrator), settings["solref"], list(settings["solimp"])
+    stiffest, given, shape = _stiffest(h, integrator, held), settings["solref"], list(settings["solimp"])
     text = "limits give way: MuJoCo's stops are springs and dampers, and let through 1 - d of what they should stop"
     hardest = [_SOFTEST_LIMIT, _SOFTEST_LIMIT, *shape[2:]]
     if (given is not None and not _same(given, stiffest)) or min(shape[:2]) < _SOFTEST_LIMIT:
         removal = Intervention({"solref": stiffest, "solimp": hardest})
         return (Cause("constraint softness", text, removal),)
     # As stiff as this step can bear: stiffer limits need the shorter step. 1 - d, doubled, is the second measure.
-    removal = Intervention({"solref": _stiffest(h / REFINEMENT, integrator)})
+    removal = Intervention({"solref": _stiffest(h / REFINEMENT, integrator, held)})
     twice = [1.0 - 2.0 * (1.0 - d) for d in shape[:2]]
     scaling = Intervention({"solimp": [*twice, *shape[2:]]}, leaves=2.0)
     return (Cause("constraint softness", text, removal, scaling, after=("time step",)),)
 
 
-def _pymunk(settings: Any) -> tuple[Cause, ...]:
+def _pymunk(settings: Any, _: Held) -> tuple[Cause, ...]:
     # Twice the passes square what they leave. Mass on a fixed pivot moves nothing: it only helps them converge.
     passes = {
         "iterations": max(_MANY_PASSES, 2 * settings["iterations"]),
@@ -203,7 +237,7 @@ def _pymunk(settings: Any) -> tuple[Cause, ...]:
     )  # fmt: skip
 
 
-def _exudyn(settings: Any) -> tuple[Cause, ...]:
+def _exudyn(settings: Any, _: Held) -> tuple[Cause, ...]:
     # Constraints on positions (index 3) have noise in their multipliers that grows as 1/h^2, and ring after each
     # restart: a shorter step and a located release would bring in errors that the run itself does not have.
     first, then = ("integrator",), ("integrator", "event location", "alternating torques")
@@ -228,4 +262,4 @@ def _exudyn(settings: Any) -> tuple[Cause, ...]:
     )  # fmt: skip
 
 
-_TABLES: dict[str, Callable[[Any], tuple[Cause, ...]]] = {"mujoco": _mujoco, "pymunk": _pymunk, "exudyn": _exudyn}
+_TABLES: dict[str, Callable[[Any, Held], tuple[Cause, ...]]] = {"mujoco": _mujoco, "pymunk": _pymunk, "exudyn": _exudyn}

@@ -9,6 +9,7 @@ from pydantic import JsonValue
 
 from ...engines.protocol import Engine
 from ...models.errors import InputError
+from ..summary import push_unit
 from ..trials import Trial, Trials, settings_of
 from .results import Change, Figures, StockAgainstTuned
 from .variants import with_options
@@ -36,6 +37,7 @@ def stock_against_tuned(trials: Trials, stock: Engine, tuned: Engine) -> StockAg
         model=trials.mechanism.name,
         engine=stock.name,
         timestep=float(step) if isinstance(step, int | float) else None,
+        force_unit=push_unit(trials.mechanism),
         stock=_measured(trials, stock),
         tuned=_measured(trials, tuned),
         changes=tuple(changes),

@@ -44,7 +44,7 @@ def budget(trials: Trials, engine: Engine) -> Budget:
     if base.deviation is None:
         return empty
     study = _Study(trials, engine, base.deviation)
-    causes = causes_of(engine)
+    causes = causes_of(engine, trials.mechanism)
     chains = study.chains([cause for cause in causes if cause.removal is not None])
     alone = study.scaled([cause for cause in causes if cause.scaling is not None])
     quantities = study.quantities(chains, alone)
@@ -112,7 +112,7 @@ class _Study:
 
     def _removals(self, causes: Sequence[Cause]) -> list[Intervention]:
         names = {cause.name for cause in causes}
-        table = orders(causes_of(self.engine))[0]
+        table = orders(causes_of(self.engine, self.trials.mechanism))[0]
         return [c.removal for c in table if c.name in names and c.removal is not None]
 
     def _deviation(self, done: Sequence[Intervention], cause: str, last_bits: int = 0) -> Deviation:

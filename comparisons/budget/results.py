@@ -79,7 +79,7 @@ class Figures(Spec):
 
     message: str | None = Field(default=None, description="why it failed")
     position: Real | None = Field(default=None, description="largest distance of the projectile [m]")
-    torque: Real | None = Field(default=None, description="largest error of any stop's torque [N m]")
+    torque: Real | None = Field(default=None, description="largest error of any stop's torque [N m, N]")
     release: Real | None = Field(default=None, description="largest error of a release time [s]")
     wall_time: Real | None = Field(default=None, description="median, warm [s]")
 
@@ -100,6 +100,7 @@ class StockAgainstTuned(Spec):
     model: str
     engine: str
     timestep: Real | None = Field(description="of both [s]")
+    force_unit: str = Field(default="N m", description="of what the machine's stops push with")
     stock: Figures
     tuned: Figures
     changes: tuple[Change, ...]

@@ -63,7 +63,8 @@ def observed(deviation: Deviation) -> dict[str, Observed]:
     """Every quantity a budget is made for, by its name; what the run does not tell is absent."""
     found = {"position": Observed("m", deviation.quantity("position"), components=2)}
     for stop in deviation.torques:
-        found[f"{stop} torque"] = Observed("N m", deviation.quantity(stop))
+        unit = deviation.force_units.get(stop, "N m")
+        found[f"{stop} {'torque' if unit == 'N m' else 'force'}"] = Observed(unit, deviation.quantity(stop))
     found["energy"] = Observed("J", deviation.quantity("energy"))
     for stop, time in deviation.release_times.items():
         found[f"{stop} release"] = Observed("s", _single(time))

@@ -21,6 +21,12 @@ class Column:
     unit: str
     field: str
 
+    def heading(self, comparison: StockAgainstTuned) -> tuple[str, str]:
+        """Title and unit for one machine, whose stops may push with forces."""
+        if self.field != "torque":
+            return self.title, self.unit
+        return "force" if comparison.force_unit == "N" else self.title, comparison.force_unit
+
     def value(self, figures: Figures) -> float | None:
         """Its value."""
         found = getattr(figures, self.field)
@@ -56,7 +62,9 @@ def _downwards(fraction: float) -> str:
 
 def main_quantities(budget: Budget) -> list[Quantity]:
     """Position and stop torques: functions of time in which an error can be seen to grow."""
-    return [q for q in budget.quantities if q.rms > 0 and (q.name == "position" or q.name.endswith(" torque"))]
+    return [
+        q for q in budget.quantities if q.rms > 0 and (q.name == "position" or q.name.endswith((" torque", " force")))
+    ]
 
 
 def other_quantities(budget: Budget) -> list[Quantity]:

@@ -63,7 +63,8 @@ def _changes(comparison: StockAgainstTuned) -> Table:
     table = _table(f"{comparison.model}, {comparison.engine}{at}: what each option buys (÷ smaller, × larger)")
     table.add_column("setting", no_wrap=True)
     for column in COLUMNS:
-        table.add_column(f"{column.title}\n\\[{column.unit}]", justify="right", no_wrap=True)
+        title, unit = column.heading(comparison)
+        table.add_column(f"{title}\n\\[{unit}]", justify="right", no_wrap=True)
     table.add_row("stock", *_values(comparison.stock))
     for change in comparison.changes:
         table.add_row(f"  {change.option} as tuned", *_factors(change.alone, comparison.stock))

@@ -20,7 +20,9 @@ Position = Annotated[
 ]
 Torque = Annotated[
     str | None,
-    typer.Option("--torque", help="Largest error of any stop's torque: N m, or a share of the largest, as in 0.1%."),
+    typer.Option(
+        "--torque", help="Largest error of any stop's torque: N m (N on points), or a share of the largest: 0.1%."
+    ),
 ]
 Release = Annotated[float | None, typer.Option("--release", help="Largest error of any stop's release (s).")]
 Neighbours = Annotated[

@@ -13,7 +13,7 @@ from ..plots import finish
 from .results import QuantityName, Study
 from .shown import exponent
 
-_TITLES: dict[QuantityName, str] = {"position": "position [m]", "torque": "stop torque [N m]"}
+_QUANTITIES: tuple[QuantityName, ...] = ("position", "torque")
 _MARKS = {"tuned": "circle", "stock": "square-open"}
 _COLOURS = {"mujoco": "#1f77b4", "pymunk": "#d9730d", "exudyn": "#2a9d5c"}  # as in the report of a comparison
 _OTHERS = ("#9467bd", "#8c564b", "#e377c2", "#17becf")
@@ -27,9 +27,9 @@ def run_style(engine: str, preset: str) -> dict[str, Any]:
 
 def convergence(studies: Sequence[Study]) -> go.Figure:
     """Error against the time step, position and torque, with the fitted lines and their slopes."""
-    figure = _pair()
+    figure = _pair(studies)
     for k, study in enumerate(studies, start=1):
-        for column, quantity in enumerate(_TITLES, start=1):
+        for column, quantity in enumerate(_QUANTITIES, start=1):
             _points(figure, study, quantity, column, name=study.label)
             # Lines may all but cover each other; their slopes, each at another place, do not.
             _line(figure, study, quantity, column, at=k / (len(studies) + 1))
@@ -39,8 +39,8 @@ def convergence(studies: Sequence[Study]) -> go.Figure:
 
 def knob(study: Study) -> go.Figure:
     """Error against one knob; where it can be told apart, the part of it that the knob makes."""
-    figure = _pair()
-    for column, quantity in enumerate(_TITLES, start=1):
+    figure = _pair([study])
+    for column, quantity in enumerate(_QUANTITIES, start=1):
         if study.own:
             _points(figure, study, quantity, column, name="whole error", whole=True)
         name = "made by the knob" if study.own else "error"
@@ -52,7 +52,7 @@ def knob(study: Study) -> go.Figure:
 
 def work_precision(studies: Sequence[Study]) -> go.Figure:
     """Error against the median wall time; bars from the quickest to the slowest repeat."""
-    figure = _pair()
+    figure = _pair(studies)
     for study in studies:
         timed = [point for point in study.points if point.wall_times]
         median = np.array([np.median(point.wall_times) for point in timed])
@@ -63,7 +63,7 @@ def work_precision(studies: Sequence[Study]) -> go.Figure:
             "arrayminus": median - np.array([min(point.wall_times) for point in timed]),
             "thickness": 1,
         }
-        for column, quantity in enumerate(_TITLES, start=1):
+        for column, quantity in enumerate(_QUANTITIES, start=1):
             figure.add_scatter(
                 x=median, y=[point.error(quantity) for point in timed], error_x=spread, mode="lines+markers",
                 name=study.label, legendgroup=study.label, showlegend=column == 1, row=1, col=column,
@@ -74,8 +74,10 @@ def work_precision(studies: Sequence[Study]) -> go.Figure:
     return _finished(figure, 480)
 
 
-def _pair() -> go.Figure:
-    return make_subplots(rows=1, cols=2, subplot_titles=list(_TITLES.values()), horizontal_spacing=0.09)
+def _pair(studies: Sequence[Study]) -> go.Figure:
+    unit = next((study.curve("torque").unit for study in studies), "N m")
+    titles = ("position [m]", f"{'stop force' if unit == 'N' else 'stop torque'} [{unit}]")
+    return make_subplots(rows=1, cols=2, subplot_titles=titles, horizontal_spacing=0.09)
 
 
 def _finished(figure: go.Figure, height: int) -> go.Figure:

@@ -10,7 +10,7 @@ from jinja2 import Environment, StrictUndefined
 from plotly.offline import get_plotlyjs
 
 from ..plots import embedded
-from ..summary import figure
+from ..summary import figure, push_unit
 from . import figures, shown
 from .results import MachineStudies, Point, QuantityName, Studies, Study
 
@@ -47,6 +47,7 @@ def page(studies: Studies) -> str:
         failures=shown.failures(studies),
         plotly=get_plotlyjs(),
         figure=figure,
+        push_unit=push_unit,
         shown=shown,
         wall=wall,
     )

@@ -13,7 +13,6 @@ from ...models.spec import NonNegative, Positive, Real, Spec
 FORMAT = "trebucheck-converge-1"
 
 QuantityName = Literal["position", "torque"]
-UNITS: dict[QuantityName, str] = {"position": "m", "torque": "N m"}
 
 
 class PowerLaw(Spec):
@@ -49,13 +48,14 @@ class Curve(Spec):
     """One quantity along a study."""
 
     quantity: QuantityName
+    force_unit: str = Field(default="N m", description="of what the machine's stops push with")
     law: PowerLaw | None = Field(description="None: no power law, or an error that the knob hardly moves")
     floor: Floor | None = Field(description="None: not reached, the error still falls at the finest value")
 
     @property
     def unit(self) -> str:
         """Of its error."""
-        return UNITS[self.quantity]
+        return "m" if self.quantity == "position" else self.force_unit
 
 
 class Point(Spec):
@@ -65,7 +65,7 @@ class Point(Spec):
     options: dict[str, JsonValue] = Field(description="what the value means to the engine")
     message: str | None = Field(default=None, description="why it failed; None if it ran")
     position: Real | None = Field(default=None, description="largest error of the projectile's position [m]")
-    torque: Real | None = Field(default=None, description="largest error of any stop's torque [N m]")
+    torque: Real | None = Field(default=None, description="largest error of any stop's torque [N m, N]")
     own_position: Real | None = Field(default=None, description="the part of it that the knob makes")
     own_torque: Real | None = None
     steps: Annotated[int, Field(ge=0)] = 0
@@ -115,7 +115,7 @@ class Limit(Spec):
     position: Real = Field(description="largest distance of the limit from the reference [m]")
     position_three: Real = Field(description="the same with three levels, which take the next power out, too [m]")
     estimate: Real = Field(description="largest distance between the two limits: the limit's own error [m]")
-    torque: Real | None = Field(description="largest distance of any stop's torque from the reference [N m]")
+    torque: Real | None = Field(description="largest distance of any stop's torque from the reference [N m, N]")
 
     @property
     def label(self) -> str:
@@ -138,7 +138,7 @@ class MachineStudies(Spec):
     mechanism: Mechanism
     mechanism_hash: str
     launch_time: Real = Field(description="of the reference, and end of the compared motion [s]")
-    uncertainty: dict[QuantityName, Real] = Field(description="of the reference [m, N m]")
+    uncertainty: dict[QuantityName, Real] = Field(description="of the reference [m, N m or N]")
     uncertainty_source: str
     studies: tuple[Study, ...]
     limits: tuple[Limit, ...]

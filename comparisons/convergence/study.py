@@ -18,6 +18,7 @@ from ...models.mechanism import Mechanism
 from ...reference.certificate import Uncertainties, reference_uncertainty
 from ..deviation import Deviation
 from ..isolation import Worker
+from ..summary import push_unit
 from ..trials import Trial, Trials, settings_of
 from .fit import power_law
 from .floor import Site, floor
@@ -188,22 +189,27 @@ class _Machine:
         self, name: str, knob: Knob, points: Sequence[Point], without: Trial | None, quantity: QuantityName
     ) -> Curve:
         """Law and floor of one quantity along a study."""
-        own = without is not None
+        own, unit = without is not None, push_unit(self.trials.mechanism)
         errors = [point.error(quantity, own) for point in points]
         known = 0.0 if own else self.uncertainty[quantity]
         law = power_law([point.value for point in points], errors, known)
         if without is not None:
             rest = _whole(without, quantity)
             found = None if rest is None else self.floor(name, knob, knob.without or {}, quantity, (None, rest))
-            return Curve(quantity=quantity, law=law, floor=found)
+            return Curve(quantity=quantity, force_unit=unit, law=law, floor=found)
         ran = [(point.value, error) for point, error in zip(points, errors, strict=True) if error]
         # The law's finest point is one of these: beyond it errors may only grow.
         beyond = ran if law is None else ran[_finest(law, [value for value, _ in ran]) :]
         if len(beyond) < (1 if law is None else 2) or _still_falls(ran):
-            return Curve(quantity=quantity, law=law, floor=None)
+            return Curve(quantity=quantity, force_unit=unit, law=law, floor=None)
         at = beyond[-1] if law is None else min(beyond, key=lambda found: found[1])
         finer = beyond[beyond.index(at) + 1 :]
-        return Curve(quantity=quantity, law=law, floor=self.floor(name, knob, knob.options(at[0]), quantity, at, finer))
+        return Curve(
+            quantity=quantity,
+            force_unit=unit,
+            law=law,
+            floor=self.floor(name, knob, knob.options(at[0]), quantity, at, finer),
+        )
 
     def floor(
         self,

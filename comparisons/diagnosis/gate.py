@@ -9,18 +9,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...engines.inspection import Inspectable, Inspection, State
+from ...engines.inspection import Dynamics, Inspectable, Inspection, State
 from ...engines.protocol import Engine
 from ...models.arrays import FloatArray
-from ...models.kinematics import Kinematics
-from ...models.mechanism import Mechanism, PointStop, Stop
+from ...models.mechanism import Mechanism, Stop
 from ...reference.altered import WithJoint, WithoutCentrifugal
 from ...reference.equations import Equations
 from ..equality import EXACT, Expected, compared, equality, expected, stops_misplaced
 from ..results import Cause, Diagnosis, Equality
 from ..states import random_states
 from .fit import Match, match
-from .suspects import machine_suspects
+from .suspects import machine_suspects, wall_suspects
 
 _NAMED = 6  # suspects that are kept
 _SMALL = 1e-6  # of an added term, in its unit
@@ -47,11 +46,21 @@ def diagnose_gate(engine: Engine, mechanism: Mechanism, broken: Equality) -> Dia
         states = random_states(mechanism)
         if broken.states:
             inspection = engine.inspect(mechanism, states)
-            causes = [*_plain(mechanism, states, inspection), *_fitted(mechanism, states, inspection)]
+            causes = [part for read in (_plain, _walls, _fitted) for part in read(mechanism, states, inspection)]
+            causes = _once(causes)
         else:
             causes = list(_unknown_stops(engine, mechanism, states))
     causes.sort(key=lambda cause: -cause.explained)
     return Diagnosis(leads=worst.label, causes=tuple(causes[:_NAMED]))
+
+
+def _once(causes: Sequence[Cause]) -> list[Cause]:
+    """Each name once, by what accounts for most."""
+    best: dict[str, Cause] = {}
+    for cause in causes:
+        if cause.name not in best or cause.explained > best[cause.name].explained:
+            best[cause.name] = cause
+    return list(best.values())
 
 
 def _unknown_stops(engine: Inspectable, mechanism: Mechanism, states: Sequence[State]) -> Iterator[Cause]:
@@ -66,13 +75,13 @@ def _unknown_stops(engine: Inspectable, mechanism: Mechanism, states: Sequence[S
 
 def _plain(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> Iterator[Cause]:
     """What can be read off: where it starts, where its stops stand, which of them are there."""
-    for name, mine, theirs in zip(mechanism.coordinates, found.start, mechanism.start, strict=True):
+    for i, (name, mine, theirs) in enumerate(zip(mechanism.coordinates, found.start, mechanism.start, strict=True)):
         if abs(mine - theirs) > EXACT * max(1.0, abs(theirs)):
             mistake = _mistaken(float(mine), theirs)
-            amount = mistake or f"{mine - theirs:+.3g} rad or m"
+            amount = mistake or f"{mine - theirs:+.3g} {'rad' if i < len(mechanism.bodies) else 'm'}"
             yield Cause(name=f"start of {name}", kind="start", amount=amount, explained=1.0 if mistake else _READ_OFF)
     for name, gap in stops_misplaced(expected(mechanism, states), found.dynamics).items():
-        if abs(gap) > EXACT:
+        if abs(gap) > EXACT and isinstance(mechanism.stop(name), Stop):
             amount = f"{math.degrees(gap):+.3g} deg"
             yield Cause(name=f"place of the {name}", kind="machine", amount=amount, explained=_READ_OFF)
     for stop in mechanism.stops:
@@ -81,6 +90,21 @@ def _plain(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> 
         if held and not any(held):
             # A stop that stands elsewhere pushes as little as one that is not there: then its place is the cause.
             yield Cause(name=f"{stop.name} missing", kind="law", explained=_READ_OFF / 2)
+
+
+def _walls(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> Iterator[Cause]:
+    """Walls that stand elsewhere, by the gaps alone: a point that is off its wall may be felt by nothing else."""
+    right = expected(mechanism, states)
+    deviation = _gaps(right, found.dynamics, found.dynamics)
+    if np.abs(deviation).max(initial=0.0) <= EXACT:
+        return
+    for suspect in wall_suspects(mechanism):
+        gaps = expected(suspect.wrong, states).gaps
+        shown = [replace(mine, stop_gaps=theirs) for mine, theirs in zip(found.dynamics, gaps, strict=True)]
+        matched = match(deviation, _gaps(right, shown, found.dynamics))
+        if matched.explained > _TELLING:
+            amount = suspect.amount(matched.factor)
+            yield Cause(name=suspect.name, kind=suspect.kind, amount=amount, explained=_READ_OFF * matched.explained)
 
 
 def _mistaken(mine: float, theirs: float) -> str:
@@ -97,15 +121,15 @@ def _mistaken(mine: float, theirs: float) -> str:
 def _fitted(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> Iterator[Cause]:
     """Machines that would differ in the same way, start and stops included."""
     right = expected(mechanism, states)
-    gaps = stops_misplaced(right, found.dynamics)
+    gaps = _gaps(right, found.dynamics, found.dynamics)
     start = found.start - np.array(mechanism.start)
-    deviation = np.concatenate([compared(right, found.dynamics), start, list(gaps.values())])
+    deviation = np.concatenate([compared(right, found.dynamics), start, gaps])
     if not np.isfinite(deviation).all() or not deviation.any():
         return
     for suspect in machine_suspects(mechanism):
         matched = _best(
             match(deviation, signature, fixed=suspect.scale == 0)
-            for signature in _signatures(mechanism, right, suspect.wrong, states, found, tuple(gaps))
+            for signature in _signatures(mechanism, right, suspect.wrong, states, found)
         )
         if matched.explained > _TELLING:
             amount = suspect.amount(matched.factor)
@@ -137,25 +161,28 @@ def _signatures(
     wrong: Mechanism,
     states: Sequence[State],
     found: Inspection,
-    gaps: tuple[str, ...],
 ) -> Iterator[FloatArray]:
     """What a wrong machine shows, in an engine with absolute coordinates and in one that counts from its start.
 
-    The latter stands off from where it is put by as much as its start is wrong.
+    The latter stands off from where it is put by as much as its start is wrong. And a wrong place of a stop need not
+    have moved the start with it.
     """
-    stops = {stop.name: stop for stop in wrong.stops}
-    if any(stop.name not in stops for stop in mechanism.stops):
+    if {stop.name for stop in wrong.stops} < {stop.name for stop in mechanism.stops}:
         return  # a stop less: that is read off
-    kinematics = Kinematics(mechanism)
-    limits = np.array([_limit(mechanism.stop(name)) - _limit(stops[name]) for name in gaps])
     start = np.array(wrong.start) - np.array(mechanism.start)
-    at_start = np.array(mechanism.start)
-    rows = np.array([kinematics.gap_gradient(name, at_start) for name in gaps]).reshape(len(gaps), len(start))
-    for shift in (np.zeros_like(start), start) if start.any() else (start,):
-        placed = [replace(state, q=state.q + shift) for state in states]
-        shown = expected(wrong, placed).as_dynamics(found.dynamics)
-        yield np.concatenate([compared(right, shown), start, limits + rows @ shift])
+    none = np.zeros_like(start)
+    for shift, shown_start in ((none, start), (start, start), (none, none)) if start.any() else ((none, none),):
+        there = expected(wrong, [replace(state, q=state.q + shift) for state in states])
+        shown = there.as_dynamics(found.dynamics)
+        shown = [replace(mine, stop_gaps=gaps) for mine, gaps in zip(shown, there.gaps, strict=True)]
+        yield np.concatenate([compared(right, shown), shown_start, _gaps(right, shown, found.dynamics)])
 
 
-def _limit(stop: Stop | PointStop) -> float:
-    return stop.offset if isinstance(stop, PointStop) else stop.limit
+def _gaps(right: Expected, dynamics: Sequence[Dynamics], like: Sequence[Dynamics]) -> FloatArray:
+    """How far stops stand from their places [rad or m] wherever an engine tells; all states together count as one."""
+    apart = [
+        mine.stop_gaps[name] - theirs[name]
+        for mine, theirs, shown in zip(dynamics, right.gaps, like, strict=True)
+        for name in shown.stop_gaps
+    ]
+    return np.array(apart) / math.sqrt(len(right.gaps))

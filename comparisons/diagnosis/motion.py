@@ -23,6 +23,7 @@ from ..metrics import against
 from ..results import Cause, Diagnosis, Run
 from .fit import Match, match
 from .parting import parting
+from .placing import looped
 from .readings import readings, thinned
 from .signatures import Channels, weights
 from .suspects import Suspect, machine_suspects, more_wrong
@@ -119,7 +120,10 @@ class _Case:
     def moved(self, mechanism: Mechanism) -> FloatArray | None:
         """Signature of another machine's motion; None if it cannot be had."""
         try:
-            solution = solve(self.problem(mechanism), _TOLERANCE, _TOLERANCE)
+            closed = looped(mechanism)
+            if closed is None:
+                return None
+            solution = solve(self.problem(closed), _TOLERANCE, _TOLERANCE)
             return self.signature(solution.trajectory(self.trajectory.t))
         except TrebucheckError:
             return None
@@ -224,7 +228,7 @@ def _settings_causes(case: _Case, engine: Engine, simulate: Simulate) -> Iterato
     """The causes of the engine's error budget, taken out one at a time: what then is gone was theirs."""
     size = float(np.linalg.norm(case.deviation))
     problem = Problem(case.whole.mechanism, duration=case.whole.provenance.duration)
-    for name, amount, changed in _other_settings(engine):
+    for name, amount, changed in _other_settings(engine, case.whole.mechanism):
         try:
             other = simulate(changed, problem)
         except TrebucheckError:
@@ -234,13 +238,13 @@ def _settings_causes(case: _Case, engine: Engine, simulate: Simulate) -> Iterato
             yield Cause(name=name, kind="settings", amount=amount, explained=explained)
 
 
-def _other_settings(engine: Engine) -> Iterator[tuple[str, str, Engine]]:
+def _other_settings(engine: Engine, mechanism: Mechanism) -> Iterator[tuple[str, str, Engine]]:
     """The engine without one of its budget's causes, or with one option as tuned; name, amount, engine."""
     if not isinstance(engine, BuiltinEngine):
         return
     options = engine.model_dump(mode="json", exclude={"preset"})
     known: set[str] = set()
-    for cause in causes_of(engine):
+    for cause in causes_of(engine, mechanism):
         if cause.removal is not None and cause.removal.options:
             known |= cause.removal.options.keys()
             changed: dict[str, Any] = {**options, **cause.removal.options}

@@ -27,8 +27,8 @@ class Channels:
     """[m]"""
     speed: float
     """[m/s]"""
-    torque: float
-    """[N m]"""
+    torque: dict[str, float]
+    """Of each stop, the largest of its kind: those on angles [N m], those on points [N]."""
     force: float
     """[N]"""
     energy: float
@@ -46,7 +46,7 @@ class Channels:
             reactions=reactions,
             reach=max(_largest(reference.markers[name].position) for name in markers),
             speed=max(_largest(reference.markers[name].velocity) for name in markers) or 1.0,
-            torque=max((_largest(reference.stop_torques[name]) for name in torques), default=0.0) or 1.0,
+            torque=_sizes(reference, torques),
             force=max((_largest(reference.joint_reactions[name]) for name in reactions), default=0.0) or 1.0,
             energy=_largest(reference.kinetic_energy) or 1.0,
         )
@@ -55,8 +55,8 @@ class Channels:
         """One minus the other at the same times, shape (n, n_channels)."""
         parts = [(one.markers[n].position - other.markers[n].position) / self.reach for n in self.markers]
         parts += [(one.markers[n].velocity - other.markers[n].velocity) / self.speed for n in self.markers]
-        parts += [((_torque(one, n) - _torque(other, n)) / self.torque)[:, None] for n in self.torques]
-        parts += [(one.joint_reactions[n] - other.joint_reactions[n]) / self.force for n in self.reactions]
+        parts += [((_torque(one, n) - _torque(other, n)) / self.torque[n])[:, None] for n in self.torques]
+        parts += [(_reaction(one, n) - _reaction(other, n)) / self.force for n in self.reactions]
         energies = ((one.kinetic_energy - other.kinetic_energy), (one.potential_energy - other.potential_energy))
         parts += [(energy / self.energy)[:, None] for energy in energies]
         return np.concatenate(parts, axis=1)
@@ -68,6 +68,12 @@ def weights(deviation: FloatArray) -> FloatArray:
     return 1.0 / np.maximum(grown, _FAINT * (grown[-1] or 1.0))[:, None]
 
 
+def _sizes(reference: Trajectory, stops: tuple[str, ...]) -> dict[str, float]:
+    units = {name: reference.mechanism.stop(name).force_unit for name in stops}
+    peaks = {name: _largest(reference.stop_torques[name]) for name in stops}
+    return {name: max(peaks[other] for other in stops if units[other] == units[name]) or 1.0 for name in stops}
+
+
 def _largest(values: FloatArray) -> float:
     return float(np.abs(values).max())
 
@@ -75,3 +81,8 @@ def _largest(values: FloatArray) -> float:
 def _torque(trajectory: Trajectory, name: str) -> FloatArray:
     """A suspect may have lost the stop."""
     return trajectory.stop_torques.get(name, np.zeros(len(trajectory.t)))
+
+
+def _reaction(trajectory: Trajectory, name: str) -> FloatArray:
+    """A suspect may have lost the joint."""
+    return trajectory.joint_reactions.get(name, np.zeros((len(trajectory.t), 2)))

@@ -7,17 +7,16 @@ and an inertia, too; every single number of the mechanism is one in any case.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
-from ...models.errors import InputError
-from ...models.kinematics import Kinematics
-from ...models.mechanism import Mechanism, PointStop
+from ...models.mechanism import Mechanism, PinJoint, SlotJoint
 from ...models.parameters import TrebuchetParameters
 from ...models.registry import model
 from ...models.trebuchet import parameters_of
+from .placing import built
 
 Kind = Literal["machine", "start", "law", "reading", "settings"]
 _SMALL = 1e-6  # relative, or [rad] or [m]: well above rounding and linear
@@ -34,6 +33,8 @@ class Suspect:
     """How wrong `wrong` is; 0: not a matter of degree."""
     unit: str = ""
     """Of the amount; '': relative."""
+    start_moves: bool = False
+    """Whether a closed stop that no longer touches is met by another start, instead of being moved itself."""
 
     def amount(self, factor: float) -> str:
         """How wrong it would have to be, `factor` times `scale`, in words."""
@@ -45,7 +46,7 @@ class Suspect:
 
 def machine_suspects(mechanism: Mechanism) -> tuple[Suspect, ...]:
     """All that may be wrong with a built machine."""
-    parts = (_parameters, _masses, _lengths, _places, _gravity, _starts, _missing, _rounded)
+    parts = (_parameters, _masses, _lengths, _places, _slots, wall_suspects, _gravity, _starts, _missing, _rounded)
     return tuple(suspect for part in parts for suspect in part(mechanism))
 
 
@@ -53,11 +54,9 @@ def more_wrong(mechanism: Mechanism, suspect: Suspect, factor: float) -> Suspect
     """The same suspect with `factor` times its amount, for what is not linear; None where there is no such machine."""
     if suspect.scale == 0:
         return None
-    changed = _blended(mechanism.model_dump(), suspect.wrong.model_dump(), factor)
-    try:
-        return Suspect(suspect.name, suspect.kind, Mechanism(**changed), suspect.scale * factor, suspect.unit)
-    except InputError:
-        return None
+    blended = _blended(mechanism.model_dump(), suspect.wrong.model_dump(), factor)
+    wrong = built(blended, suspect.start_moves)
+    return None if wrong is None else replace(suspect, wrong=wrong, scale=suspect.scale * factor)
 
 
 def _blended(right: Any, wrong: Any, factor: float) -> Any:
@@ -84,11 +83,17 @@ def _parameters(mechanism: Mechanism) -> Iterator[Suspect]:
         yield Suspect(f"{name} ({what})", "start" if is_angle else "machine", wrong, unit="rad" if is_angle else "")
 
 
-def _changed(mechanism: Mechanism, **fields: Any) -> Mechanism | None:
-    try:
-        return Mechanism(**{**mechanism.model_dump(), **fields})
-    except InputError:
-        return None
+def _changed(mechanism: Mechanism, start_moves: bool = False, **fields: Any) -> Mechanism | None:
+    return built({**mechanism.model_dump(), **fields}, start_moves)
+
+
+def _with_joint(mechanism: Mechanism, name: str, **fields: Any) -> Mechanism | None:
+    return _changed(mechanism, joints=[j.model_dump() | (fields if j.name == name else {}) for j in mechanism.joints])
+
+
+def _with_stop(mechanism: Mechanism, name: str, start_moves: bool = False, **fields: Any) -> Mechanism | None:
+    stops = [stop.model_dump() | (fields if stop.name == name else {}) for stop in mechanism.stops]
+    return _changed(mechanism, start_moves, stops=stops)
 
 
 def _with_body(mechanism: Mechanism, name: str, **fields: Any) -> Mechanism | None:
@@ -128,11 +133,60 @@ def _places(mechanism: Mechanism) -> Iterator[Suspect]:
             x, y = getattr(joint, f"{end}_point")
             if (x, y) == (0.0, 0.0):
                 continue
-            moved = joint.model_dump() | {f"{end}_point": (x * (1 + _SMALL), y * (1 + _SMALL))}
-            joints = [moved if other.name == joint.name else other.model_dump() for other in mechanism.joints]
-            wrong = _changed(mechanism, joints=joints)
+            wrong = _with_joint(mechanism, joint.name, **{f"{end}_point": (x * (1 + _SMALL), y * (1 + _SMALL))})
             if wrong:
                 yield Suspect(f"place of the {joint.name} on the {getattr(joint, end)}", "machine", wrong)
+    for joint in mechanism.loop_joints:
+        yield from _shifted(mechanism, joint)
+
+
+def _shifted(mechanism: Mechanism, joint: PinJoint | SlotJoint) -> Iterator[Suspect]:
+    """A loop's points, a little aside in either direction of their frames: there a machine is not only longer."""
+    for end in ("parent", "child"):
+        for point, axis in zip(_aside(getattr(joint, f"{end}_point")), "xy", strict=True):
+            if end == "parent" and isinstance(joint, SlotJoint) and abs(np.dot(_AXES[axis], joint.axis)) == 1.0:
+                continue  # along its own line a slot is where it was
+            wrong = _with_joint(mechanism, joint.name, **{f"{end}_point": point})
+            if wrong:
+                name = f"place of the {joint.name} on the {getattr(joint, end)}, {axis}"
+                yield Suspect(name, "machine", wrong, unit="m")
+
+
+_AXES = {"x": (1.0, 0.0), "y": (0.0, 1.0)}
+
+
+def _aside(point: tuple[float, float]) -> tuple[tuple[float, float], tuple[float, float]]:
+    return (point[0] + _SMALL, point[1]), (point[0], point[1] + _SMALL)
+
+
+def _turned(direction: tuple[float, float]) -> tuple[float, float]:
+    """A direction turned anticlockwise by a small angle; its length is put right where a machine is built of it."""
+    x, y = direction
+    return x - _SMALL * y, y + _SMALL * x
+
+
+def _slots(mechanism: Mechanism) -> Iterator[Suspect]:
+    """Slots that point elsewhere."""
+    for joint in mechanism.joints:
+        wrong = _with_joint(mechanism, joint.name, axis=_turned(joint.axis)) if isinstance(joint, SlotJoint) else None
+        if wrong:
+            yield Suspect(f"direction of the {joint.name}", "machine", wrong, unit="rad")
+
+
+def wall_suspects(mechanism: Mechanism) -> Iterator[Suspect]:
+    """Stops on points: where they stand, which way they face, which point of the body they are for."""
+    for stop in mechanism.point_stops:
+        wrong = _with_stop(mechanism, stop.name, start_moves=True, offset=stop.offset + _SMALL)
+        if wrong:
+            yield Suspect(f"place of the {stop.name}", "machine", wrong, unit="m", start_moves=True)
+        wrong = _with_stop(mechanism, stop.name, normal=_turned(stop.normal))
+        if wrong:
+            yield Suspect(f"direction of the {stop.name}", "machine", wrong, unit="rad")
+        for point, axis in zip(_aside(stop.point), "xy", strict=True):
+            wrong = _with_stop(mechanism, stop.name, start_moves=True, point=point)
+            if wrong:
+                name = f"point of the {stop.name} on the {stop.body}, {axis}"
+                yield Suspect(name, "machine", wrong, unit="m", start_moves=True)
 
 
 def _gravity(mechanism: Mechanism) -> Iterator[Suspect]:
@@ -143,27 +197,16 @@ def _gravity(mechanism: Mechanism) -> Iterator[Suspect]:
 
 
 def _starts(mechanism: Mechanism) -> Iterator[Suspect]:
-    """Each start coordinate, stops going along so that those that touch still do."""
+    """Each start coordinate; stops that touch go along."""
     named = parameters_of(mechanism) is not None
     for i, name in enumerate(mechanism.coordinates):
         is_angle = i < len(mechanism.bodies)
         if named and is_angle:
             continue  # a parameter
         start = tuple(value + _SMALL * (k == i) for k, value in enumerate(mechanism.start))
-        wrong = _changed(mechanism, start=start, stops=_stops_at(mechanism, start))
+        wrong = _changed(mechanism, start=start)
         if wrong:
             yield Suspect(f"start of {name}", "start", wrong, unit="rad" if is_angle else "m")
-
-
-def _stops_at(mechanism: Mechanism, start: tuple[float, ...]) -> list[dict[str, Any]]:
-    """The stops, with those that touch at the start moved to where they touch at another one."""
-    kinematics, q = Kinematics(mechanism), np.array(start)
-    moved: list[dict[str, Any]] = []
-    for stop in mechanism.stops:
-        gap = float(kinematics.gap(stop.name, q)) if stop.closed else 0.0
-        place = {"offset": stop.offset + gap} if isinstance(stop, PointStop) else {"limit": stop.limit + gap}
-        moved.append(stop.model_dump() | place)
-    return moved
 
 
 def _missing(mechanism: Mechanism) -> Iterator[Suspect]:
@@ -171,6 +214,10 @@ def _missing(mechanism: Mechanism) -> Iterator[Suspect]:
         wrong = _changed(mechanism, stops=[other.model_dump() for other in mechanism.stops if other.name != stop.name])
         if wrong and stop.closed:
             yield Suspect(f"{stop.name} missing", "law", wrong, scale=0.0)
+    for joint in mechanism.loop_joints:
+        wrong = _changed(mechanism, joints=[j.model_dump() for j in mechanism.joints if j.name != joint.name])
+        if wrong:
+            yield Suspect(f"{joint.name} missing", "machine", wrong, scale=0.0)
 
 
 def _rounded(mechanism: Mechanism) -> Iterator[Suspect]:
@@ -181,10 +228,7 @@ def _rounded(mechanism: Mechanism) -> Iterator[Suspect]:
             chosen = TrebuchetParameters(**{name: cut(value) for name, value in parameters.model_dump().items()})
             if chosen != parameters:
                 yield Suspect(f"parameters in {what}", "machine", model(mechanism.name, chosen), scale=0.0)
-        data = _cut({key: value for key, value in mechanism.model_dump().items() if key != "stops"}, cut)
-        stops = _stops_at(mechanism, tuple(data["start"]))
-        limits = [stop | ({} if stop["closed"] else {"limit": cut(stop["limit"])}) for stop in stops]
-        wrong = _changed(mechanism, **data, stops=limits)
+        wrong = _changed(mechanism, **_cut(mechanism.model_dump(), cut))
         if wrong and wrong != mechanism:
             yield Suspect(f"data in {what}", "machine", wrong, scale=0.0)
 
@@ -199,8 +243,7 @@ def _single(value: float) -> float:
 
 def _cut(data: Any, cut: Callable[[float], float]) -> Any:
     if isinstance(data, dict):
-        # A direction must keep its length of one.
-        return {key: value if key == "axis" else _cut(value, cut) for key, value in data.items()}
+        return {key: _cut(value, cut) for key, value in data.items()}
     if isinstance(data, tuple | list):
         return tuple(_cut(value, cut) for value in data)
     return cut(data) if isinstance(data, float) else data

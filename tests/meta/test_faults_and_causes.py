@@ -5,37 +5,18 @@ The gate sees what is built; only the motion tells how stops let go, how steps a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from functools import cache
-from typing import Any
 
 import faulty
 import numpy as np
 import pytest
-import trebucheck as tb
-from faulty import TABLE_ONE, Faulty, body, parameters, without
-from trebucheck.comparisons import campaign
+from faulty import TABLE_ONE, Fault, body, parameters, run_with, without
 from trebucheck.comparisons.diagnosis import motion
-from trebucheck.comparisons.results import Outcome, Run
+from trebucheck.comparisons.results import Outcome
 from trebucheck.comparisons.summary import diagnosis
 
 GATE, MOTION = Outcome.UNEQUAL, Outcome.BROKEN
-
-
-@dataclass(frozen=True)
-class Fault:
-    """A fault, the tier that catches it, and words of its cause."""
-
-    name: str
-    tier: Outcome
-    cause: str
-    """Must stand in the name (or amount) of one of the first two causes; '': the cause need not be named."""
-    parts: dict[str, Any]
-    engine: str = "mujoco"
-    options: dict[str, Any] | None = None
-    text: Callable[[str], str] | None = None
-    """How MuJoCo's model text is spoilt."""
 
 
 def _thousandth(name: str) -> Fault:
@@ -98,25 +79,10 @@ def _suspects_solved_once() -> Iterator[None]:
         yield
 
 
-def _run(fault: Fault, model: str, monkeypatch: pytest.MonkeyPatch) -> Run:
-    """As `compare` runs it: its own engine, spoilt on the way in."""
-    if fault.text:
-        faulty.rounded_text(monkeypatch, fault.text)
-    make = campaign.engine
-
-    def spoilt(name: str, preset: str, **options: Any) -> Any:
-        inner = make(name, preset, **options)
-        return Faulty(inner, **fault.parts) if fault.parts else inner
-
-    monkeypatch.setattr(campaign, "engine", spoilt)
-    results = tb.compare([model], [fault.engine], ["tuned"], isolate=False, **(fault.options or {})).results
-    return results.runs[0]
-
-
 @pytest.mark.parametrize("model", ["fixed", pytest.param("rolling", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
 def test_a_fault_is_caught_and_named(fault: Fault, model: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    run = _run(fault, model, monkeypatch)
+    run = run_with(fault, model, monkeypatch)
     assert run.outcome is fault.tier, run.message
     assert run.diagnosis is not None
     first = [f"{cause.name} {cause.amount}" for cause in run.diagnosis.causes[:2]]
@@ -127,7 +93,7 @@ def test_a_fault_is_caught_and_named(fault: Fault, model: str, monkeypatch: pyte
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk", "exudyn"])
 def test_what_has_no_fault_is_not_flagged(engine: str, model: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same way in, nothing spoilt."""
-    run = _run(Fault("none", Outcome.OK, "", {"reading": lambda t: t}, engine=engine), model, monkeypatch)
+    run = run_with(Fault("none", Outcome.OK, "", {"reading": lambda t: t}, engine=engine), model, monkeypatch)
     assert run.outcome is Outcome.OK and run.diagnosis is None
     assert run.equality is not None and run.equality.exposed
 

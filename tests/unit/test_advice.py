@@ -165,7 +165,7 @@ class _Synthetic:
 
     def __init__(self, factor: float, constants: dict[str, float], cost: dict[str, float], floor: float = 0.0) -> None:
         self.factor, self.constants, self.cost, self.floor = factor, constants, cost, floor
-        self.end = 1.0
+        self.end, self.mechanism = 1.0, tb.fixed()
         self.solution = SimpleNamespace(release_times={}, motion=lambda _: SimpleNamespace(stop_torques={}))
         self.made: list[tuple[str, float]] = []
 

@@ -1,0 +1,93 @@
+"""Faults at stops on points and in loops of joints, built into engines: each is caught, and its cause is named."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from functools import cache
+
+import faulty
+import pytest
+from faulty import Fault, run_with, tilted_slot, tilted_wall, without, without_joint
+from trebucheck.comparisons.diagnosis import motion
+from trebucheck.comparisons.results import Outcome
+from trebucheck.comparisons.summary import diagnosis
+
+GATE, MOTION = Outcome.UNEQUAL, Outcome.BROKEN
+MILLIMETRE = MILLIRADIAN = 1e-3
+
+
+def _lower_trough(text: str) -> str:
+    """MuJoCo's model with the trough's wall a millimetre lower."""
+    wall = re.compile(r'(name="trough/wall"[^>]* pos="0 0 )(\S+?)(")')
+    return wall.sub(lambda found: f"{found[1]}{float(found[2]) - MILLIMETRE!r}{found[3]}", text)
+
+
+def _wheel_aside(text: str) -> str:
+    """MuJoCo's model with the wheel a millimetre further along the arm."""
+    return text.replace('name="track/point" pos="4 0 0"', 'name="track/point" pos="4.001 0 0"')
+
+
+def _ball_aside(text: str) -> str:
+    """MuJoCo's model with the point in the trough a millimetre off the sling's line."""
+    return text.replace('name="trough/point" pos="6 0 0"', 'name="trough/point" pos="6 0 0.001"')
+
+
+def _still_foot(monkeypatch: pytest.MonkeyPatch) -> None:
+    """pymunk's wall is a rod, whose foot then stays where it was."""
+    from trebucheck.engines import _pymunk_step
+
+    monkeypatch.setattr(_pymunk_step._HeldRod, "move_foot", lambda *_: None)
+
+
+def _body_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Exudyn's forces of walls, which come in the body's frame, taken for the world's."""
+    from trebucheck.engines import _exudyn_build
+
+    monkeypatch.setattr(_exudyn_build, "turned", lambda local, _: local[:, :2])
+
+
+HINGED = (
+    Fault("trough lower", GATE, "place of the trough", {}, text=_lower_trough),
+    Fault("trough's point off the sling's line", GATE, "point of the trough on the sling", {}, text=_ball_aside),
+    Fault("trough tilted", GATE, "direction of the trough", {"machine": tilted_wall("trough", MILLIRADIAN)}),
+    Fault("trough missing", GATE, "trough missing", {"machine": without("trough")}),
+    Fault("trough never lets go", MOTION, "release of the trough", {"law": faulty.never("trough")}),
+    Fault("sign of the trough's force", MOTION, "wrong sign", {"reading": faulty.flipped_force}),
+    Fault("points not held as they move", MOTION, "moving points", {}, options={"moving_points": False}),
+    Fault("foot of the wall stays behind", MOTION, "", {}, "pymunk", patch=_still_foot),
+    Fault("force of the wall in the body's frame", GATE, "", {}, "exudyn", patch=_body_frame),
+)
+FLOATING_ARM = (
+    Fault("trough lower", GATE, "place of the trough", {}, text=_lower_trough),
+    Fault("trough tilted", GATE, "direction of the trough", {"machine": tilted_wall("trough", MILLIRADIAN)}, "exudyn"),
+    Fault("trough missing", GATE, "trough missing", {"machine": without("trough")}, "pymunk"),
+    Fault("track tilted", GATE, "direction of the track", {"machine": tilted_slot("track", MILLIRADIAN)}, "exudyn"),
+    Fault("track missing", GATE, "track missing", {"machine": without_joint("track")}, "pymunk"),
+    Fault("wheel aside on the arm", GATE, "place of the track on the arm", {}, text=_wheel_aside),
+    Fault("trough never lets go", MOTION, "release of the trough", {"law": faulty.never("trough")}, "exudyn"),
+    Fault("sign of the trough's force", MOTION, "wrong sign", {"reading": faulty.flipped_force}, "pymunk"),
+    Fault("points not held as they move", MOTION, "moving points", {}, options={"moving_points": False}),
+    Fault("foot of the wall stays behind", MOTION, "", {}, "pymunk", patch=_still_foot),
+)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _suspects_solved_once() -> Iterator[None]:
+    """Every fault is laid to the same suspects; to save time, each one's motion is integrated once."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(motion, "solve", cache(motion.solve))
+        yield
+
+
+@pytest.mark.parametrize(
+    ("model", "fault"),
+    [(name, fault) for name, faults in (("hinged", HINGED), ("floating-arm", FLOATING_ARM)) for fault in faults],
+    ids=lambda value: value.name if isinstance(value, Fault) else value,
+)
+def test_a_fault_is_caught_and_named(model: str, fault: Fault, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = run_with(fault, model, monkeypatch)
+    assert run.outcome is fault.tier, run.message
+    assert run.diagnosis is not None
+    first = [f"{cause.name} {cause.amount}" for cause in run.diagnosis.causes[:2]]
+    assert any(fault.cause in text for text in first), diagnosis(run)
