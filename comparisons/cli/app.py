@@ -13,13 +13,14 @@ from . import certifying, comparing, converging, engines, explaining, models, pa
 app = typer.Typer(
     name="trebucheck",
     help="How far can you trust a multibody engine, and why does it differ?\n\n"
-    "A trebuchet, fixed and rolling, is solved by a Lagrangian reference and built again in MuJoCo, pymunk and "
-    "Exudyn. Exit codes: 0 fine, 1 a tolerance is broken or a run failed, 2 wrong input, 130 interrupted.",
+    "A trebuchet, fixed or rolling, and its relatives are solved by a Lagrangian reference and built again in MuJoCo, "
+    "pymunk and Exudyn. Exit codes: 0 fine, 1 a tolerance is broken or a run failed, 2 wrong input, 130 interrupted.",
     epilog="Examples:\n\n"
     "trebucheck compare --out report\n\n"
     "trebucheck compare --models rolling --engines mujoco,exudyn --preset tuned --timestep 5e-4\n\n"
     "trebucheck run --engine pymunk --model fixed --set l1=9.5 --set m_cw=2500\n\n"
     "trebucheck throw --model rolling --best --sensitivities\n\n"
+    "trebucheck paper --out paper\n\n"
     "trebucheck models export rolling --set r=7 --out my-rolling",
     no_args_is_help=True,
     add_completion=False,

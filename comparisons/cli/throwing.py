@@ -32,7 +32,7 @@ DragArea = Annotated[
 Body = Annotated[
     str | None, typer.Option("--body", help="moon, mars, earth or venus: gravity and air of the paper's Table II.")
 ]
-Height = Annotated[float, typer.Option("--height", help="Of the landing above the fulcrum (m).")]
+Height = Annotated[float, typer.Option("--height", help="Of the landing above the fulcrum or wheel (m).")]
 WithSensitivities = Annotated[
     bool, typer.Option("--sensitivities", help="Also differentiate speed and range by every parameter.")
 ]
