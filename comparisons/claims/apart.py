@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -17,6 +19,9 @@ Outcome = tuple[str, Any, str | None]
 """Name, result, and why there is none."""
 
 
+_WARNINGS = "PYTHONWARNINGS"
+
+
 class Jobs:
     """Jobs under way."""
 
@@ -29,8 +34,10 @@ class Jobs:
         while self._waiting and len(self._running) < self._at_once:
             name, job = self._waiting.popleft()
             # A pool each: loky declares a whole pool broken when one process dies.
-            pool = ProcessPoolExecutor(max_workers=1)
-            self._running[pool.submit(job)] = (name, pool)
+            with _quiet_tracker():
+                pool = ProcessPoolExecutor(max_workers=1)
+            with _deaf_to_interrupts():
+                self._running[pool.submit(job)] = (name, pool)
 
     @property
     def running(self) -> list[str]:
@@ -57,13 +64,46 @@ class Jobs:
 
     def _stop(self) -> None:
         for _, pool in self._running.values():
-            pool.shutdown(wait=False, kill_workers=True)
+            pool.shutdown(wait=True, kill_workers=True)
         self._running.clear()
 
     def close(self) -> None:
         """End every process."""
         self._waiting.clear()
         self._stop()
+
+
+@contextmanager
+def _quiet_tracker() -> Generator[None, None, None]:
+    """A process that tracks locks, started meanwhile, removes those of killed jobs without telling the user of each.
+
+    loky starts it with the first pool; it lives on after us and has nothing but the environment to be told by.
+    """
+    before = os.environ.get(_WARNINGS)
+    os.environ[_WARNINGS] = ",".join(filter(None, [before, "ignore:resource_tracker"]))
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[_WARNINGS]
+        else:
+            os.environ[_WARNINGS] = before
+
+
+@contextmanager
+def _deaf_to_interrupts() -> Generator[None, None, None]:
+    """Processes started meanwhile, and theirs, do not get a Ctrl-C of the terminal: whoever started them ends them.
+
+    The signal is held back here, not lost; a child inherits that. (Systems without signal masks go without.)
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from .evidence import Evidence, made
 from .results import Claim
 from .rows import design as rows_design
 from .rows import drag as rows_drag
+from .rows import equations as rows_equations
 from .rows import identification as rows_identification
 from .rows import machine as rows_machine
 from .rows import machines as rows_machines
@@ -20,7 +21,7 @@ from .rows import torques
 from .verdicts import not_told
 
 _OF_SECTIONS: dict[str, Callable[[Any, Evidence], list[Claim]]] = {
-    "drag": lambda found, _: rows_drag.claims(found),
+    "drag": rows_drag.claims,
     "sweep": rows_sweep.claims,
     "design": lambda found, _: rows_design.claims(found),
     "identification": lambda found, _: rows_identification.claims(found),
@@ -33,7 +34,7 @@ _WHERE = {"drag": "Table II", "sweep": "Sec. V, Fig. 5", "design": "Sec. VI", "i
 def claims(evidence: Evidence) -> tuple[Claim, ...]:
     """Every claim of the paper that a solver can reach, in the order of the paper."""
     rows = [row for group in (torques, rows_release, rows_rolling) for row in group.rows(evidence)]
-    found = [*rows_machine.claims(evidence), *(row.claim(evidence) for row in rows)]
+    found = [*rows_machine.claims(evidence), *rows_equations.claims(evidence), *(row.claim(evidence) for row in rows)]
     for name in _OF_SECTIONS:
         found += _of_section(name, evidence)
     return tuple(sorted(found, key=lambda claim: _order(claim.where)))

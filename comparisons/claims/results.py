@@ -63,6 +63,14 @@ class Claim(Spec):
     )
 
 
+class Unreached(Spec):
+    """A number of the paper that has no row of its own."""
+
+    where: str = Field(description="section, figure or table of the paper")
+    printed: str = Field(description="as printed")
+    why: str
+
+
 class Series(Spec):
     """Points of a curve of one of the paper's figures."""
 
@@ -86,6 +94,7 @@ class Study(Spec):
     versions: dict[str, str]
     machines: tuple[Mechanism, ...]
     claims: tuple[Claim, ...]
+    unreached: tuple[Unreached, ...] = Field(default=(), description="numbers of the paper that no solver can reach")
     series: tuple[Series, ...] = ()
     sections: dict[str, JsonValue] = Field(
         default_factory=dict, description="identification, drag, sweep, machines, design: each one's own figures"

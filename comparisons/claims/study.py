@@ -22,6 +22,7 @@ from .judging import claims
 from .results import Study
 from .sections import SECTIONS
 from .throws.throws import throw_by_all
+from .unreached import UNREACHED
 
 MACHINES = ("fixed", "rolling")
 """The paper's two."""
@@ -67,6 +68,7 @@ def study(
         versions=_versions(names),
         machines=tuple(throw.mechanism for throw in throws.values()),
         claims=claims(evidence),
+        unreached=UNREACHED,
         series=series(evidence),
         sections=_as_data(found, failures),
         seconds=time.perf_counter() - began,

@@ -70,7 +70,9 @@ def as_printed(ours: Quantity, printed: str, grid: Grid | None = None, causes: I
     if grid and grid.reaches(number.value - allowed, number.value + allowed):
         why = f"ours is {_said(ours)}; on a grid of {grid.step} our values are {grid.words}, with {printed} among them"
         return Judgement(Verdict.WITHIN_GRID, rule, why, departure)
-    return Judgement(Verdict.FAILS, rule, _why(f"ours is {_said(ours)}, {apart:.3g} away", causes), departure)
+    return Judgement(
+        Verdict.FAILS, rule, _why(f"ours is {_said(ours)}, {_said(apart, ours.unit, 3)} away", causes), departure
+    )
 
 
 def below(ours: Quantity, bound: str) -> Judgement:
@@ -87,12 +89,12 @@ def positive(margin: Quantity, what: str, causes: Iterable[Cause] = ()) -> Judge
     """An order or a sign: the margin by which it holds is positive beyond its uncertainty.
 
     Args:
-        what: the margin in words, for the rule.
+        what: the margin in words, for the rule and the sentence.
     """
     rule = f"{what} is positive, by more than its uncertainty"
     if margin.value > (margin.uncertainty or 0.0):
         return Judgement(Verdict.HOLDS, rule)
-    return Judgement(Verdict.FAILS, rule, _why(f"it is {_said(margin)}", causes), 1.0)
+    return Judgement(Verdict.FAILS, rule, _why(f"{what.rstrip(',')} is {_said(margin)}", causes), 1.0)
 
 
 def vanishes(ours: Quantity, allowed: float, reason: str, causes: Iterable[Cause] = ()) -> Judgement:
@@ -100,7 +102,7 @@ def vanishes(ours: Quantity, allowed: float, reason: str, causes: Iterable[Cause
     rule = f"|ours| is at most {allowed:.3g} {ours.unit}".rstrip() + f" ({reason}) plus our uncertainty"
     if abs(ours.value) <= allowed + (ours.uncertainty or 0.0):
         return Judgement(Verdict.HOLDS, rule)
-    return Judgement(Verdict.FAILS, rule, _why(f"it is {_said(ours)}", causes), 1.0)
+    return Judgement(Verdict.FAILS, rule, _why(f"ours is {_said(ours)}", causes), 1.0)
 
 
 def coincides(ours: Quantity, resolution: float, reason: str, causes: Iterable[Cause] = ()) -> Judgement:
@@ -125,19 +127,45 @@ def at_least(ours: Quantity, need: float, reason: str, causes: Iterable[Cause] =
     if ours.value >= need:
         return Judgement(Verdict.HOLDS, rule)
     departure = (need - ours.value) / abs(need) if need else 1.0
-    return Judgement(Verdict.FAILS, rule, _why(f"it is {_said(ours)}", causes), departure)
+    return Judgement(Verdict.FAILS, rule, _why(f"ours is {_said(ours)}", causes), departure)
+
+
+def at_most(ours: Quantity, most: float, reason: str, causes: Iterable[Cause] = ()) -> Judgement:
+    """A smallness: ours, with its uncertainty, does not go beyond a stated need, for a stated reason."""
+    rule = f"ours is at most {most:g} {ours.unit}".rstrip() + f" ({reason})"
+    if ours.value <= most + (ours.uncertainty or 0.0):
+        return Judgement(Verdict.HOLDS, rule)
+    return Judgement(Verdict.FAILS, rule, _why(f"ours is {_said(ours)}", causes), 1.0)
+
+
+def told_apart(ours: Quantity, printed: str, resolution: float, reason: str, causes: Iterable[Cause] = ()) -> Judgement:
+    """Two things the paper says are different: they lie farther apart than its own sampling and digits can hide.
+
+    Args:
+        ours: one of them.
+        printed: the other, as the paper has it.
+        resolution: what the paper's sampling can tell apart, in the unit of ours.
+        reason: where that comes from.
+    """
+    number = parse(printed)
+    rule = f"ours and {printed} lie more than {resolution:.3g} {ours.unit}".rstrip() + f" ({reason}) apart"
+    apart = abs(ours.value - number.value)
+    if apart > resolution + number.half + (ours.uncertainty or 0.0):
+        return Judgement(Verdict.HOLDS, rule)
+    fact = f"ours is {_said(ours)}, only {_said(apart, ours.unit, 2)} from the printed {printed}"
+    return Judgement(Verdict.FAILS, rule, _why(fact, causes), 1.0)
 
 
 def occurs(found: bool, what: str, causes: Iterable[Cause] = ()) -> Judgement:
     """A fact: it was found in our computations, or it was not.
 
     Args:
-        what: the fact in words, for the rule.
+        what: the fact in words, for the rule and the sentence.
     """
     rule = f"found in our computations: {what}"
     if found:
         return Judgement(Verdict.HOLDS, rule)
-    return Judgement(Verdict.FAILS, rule, _why("it was not found", causes), 1.0)
+    return Judgement(Verdict.FAILS, rule, _why(f"not found: {what}", causes), 1.0)
 
 
 def not_told(missing: str) -> Judgement:
@@ -154,5 +182,6 @@ def _why(fact: str, causes: Iterable[Cause]) -> str:
     return "; ".join([fact, *applying])
 
 
-def _said(ours: Quantity) -> str:
-    return f"{ours.value:.6g} {ours.unit}".rstrip()
+def _said(ours: Quantity | float, unit: str = "", digits: int = 6) -> str:
+    value, unit = (ours.value, ours.unit) if isinstance(ours, Quantity) else (ours, unit)
+    return f"{value:.{digits}g} {unit}".rstrip()

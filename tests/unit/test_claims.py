@@ -14,28 +14,36 @@ from trebucheck.__main__ import main
 from trebucheck.comparisons.claims.apart import begun
 from trebucheck.comparisons.claims.evidence import made, spread
 from trebucheck.comparisons.claims.judging import _order
+from trebucheck.comparisons.claims.machines.results import MachineEfficiency, Machines, SlingThrow, WidestThrow
 from trebucheck.comparisons.claims.printed import parse
 from trebucheck.comparisons.claims.results import Claim, EngineValue, Quantity, Series, Study, Verdict
+from trebucheck.comparisons.claims.rows import equations as rows_equations
+from trebucheck.comparisons.claims.rows import machines as rows_machines
 from trebucheck.comparisons.claims.shown import words as shown
 from trebucheck.comparisons.claims.shown.page import page
 from trebucheck.comparisons.claims.study import study
 from trebucheck.comparisons.claims.throws.grids import around
 from trebucheck.comparisons.claims.throws.multipliers import fit
+from trebucheck.comparisons.claims.unreached import UNREACHED
 from trebucheck.comparisons.claims.verdicts import (
     Cause,
     Grid,
     as_printed,
     at_least,
+    at_most,
     below,
     coincides,
     not_told,
     occurs,
     positive,
+    told_apart,
     vanishes,
 )
 from trebucheck.models.schema import schema_text
 
 ROOT = Path(__file__).parents[2]
+Throws = tuple[float, float | None, float | None]
+"""Efficiencies of a machine as built, with its fastest sling, and at best."""
 
 
 def _q(value: float, uncertainty: float | None = None, unit: str = "m") -> Quantity:
@@ -119,6 +127,13 @@ def test_departures_are_shares_of_what_is_claimed() -> None:
         (coincides(_q(-0.006, 1e-11), 0.005, "a step"), Verdict.FAILS),
         (at_least(_q(0.99), 0.99, "a need"), Verdict.HOLDS),
         (at_least(_q(0.98), 0.99, "a need"), Verdict.FAILS),
+        (at_most(_q(10.0), 10.0, "a need"), Verdict.HOLDS),
+        (at_most(_q(10.1), 10.0, "a need"), Verdict.FAILS),
+        (at_most(_q(10.1, 0.2), 10.0, "a need"), Verdict.HOLDS),
+        (told_apart(_q(41.5), "46.9", 1.6, "a step"), Verdict.HOLDS),
+        (told_apart(_q(41.48), "41.5", 1.6, "a step"), Verdict.FAILS),
+        (told_apart(_q(45.24), "46.9", 1.6, "a step"), Verdict.HOLDS),
+        (told_apart(_q(45.26), "46.9", 1.6, "a step"), Verdict.FAILS),
         (occurs(True, "a fact"), Verdict.HOLDS),
         (not_told("a datum is missing"), Verdict.OPEN),
     ],
@@ -160,6 +175,74 @@ def test_claims_stand_in_the_papers_order() -> None:
     places += ["Secs. VI, VII", "Sec. VII"]
     shuffled = places[4:] + places[:4]
     assert sorted(shuffled, key=_order) == places
+
+
+def _efficiency(name: str, built: float, fastest: float | None, best: float | None) -> MachineEfficiency:
+    """A machine of which only the efficiencies matter."""
+    rest = {"launch_time": 1.0, "speed": 1.0, "kinetic_energy": 1.0, "arm_angle": 1.0, "sling": 6.0}
+    return MachineEfficiency(
+        name=name,
+        text=name,
+        available_energy=1.0,
+        total_energy=1.0,
+        table_one=SlingThrow(**rest, efficiency=built),
+        fastest_sling=None if fastest is None else SlingThrow(**rest, efficiency=fastest),
+        most_efficient=None if best is None else WidestThrow(**rest, efficiency=best, l1=10.0, theta0=0.0),
+        speed_uncertainty=None,
+    )
+
+
+@pytest.mark.parametrize(
+    ("floating", "rolling", "verdict", "said"),
+    [
+        ((0.7, 0.8, 0.9), (0.6, 0.7, 0.8), Verdict.HOLDS, ""),
+        ((0.3, 0.8, 0.9), (0.6, 0.7, 0.8), Verdict.OPEN, "depends on lengths"),
+        ((0.3, 0.6, 0.62), (0.6, 0.7, 0.8), Verdict.OPEN, "depends on lengths"),  # its best beats the other as built
+        ((0.3, 0.5, 0.59), (0.6, 0.7, 0.8), Verdict.FAILS, "0.983"),
+        ((0.3, 0.5, None), (0.6, 0.7, None), Verdict.OPEN, "needs heyoka"),
+        ((0.7, 0.8, None), (0.6, 0.7, None), Verdict.HOLDS, ""),
+    ],
+)
+def test_who_beats_whom_is_told_only_where_lengths_do_not_decide(
+    floating: Throws, rolling: Throws, verdict: Verdict, said: str
+) -> None:
+    others = [_efficiency(name, 0.1, 0.1, 0.1) for name in ("fixed", "catapult", "hinged")]
+    machines = Machines(
+        machines=(_efficiency("floating-arm", *floating), _efficiency("rolling", *rolling), *others),
+        slings=(2.0, 14.0),
+        bounds={"l1": (7.0, 13.0), "r": (2.0, 14.0), "theta0": (1.7, 2.6)},
+        seconds=0.0,
+    )
+    claim = next(each for each in rows_machines.claims(machines) if "beats the rolling" in each.name)
+    assert claim.verdict is verdict
+    assert said in claim.why
+
+
+@pytest.mark.parametrize(
+    ("text", "printed"),
+    [
+        ("ours is 3 m", "Ours is 3 m."),
+        ("λ is gone", "λ is gone."),
+        ("l1 = 9 m is best", "l1 = 9 m is best."),
+        ("it ends so.", "It ends so."),
+    ],
+)
+def test_reasons_are_shown_as_sentences(text: str, printed: str) -> None:
+    assert shown.sentence(text) == printed
+
+
+def test_the_papers_energies_tell_machines_apart() -> None:
+    """The same comparison with a length off by one part in a million is seen, far above rounding."""
+    p = tb.TrebuchetParameters()
+    other = p.model_copy(update={"r": p.r * (1 + 1e-6)})
+    for build, energies in ((tb.fixed, rows_equations.fixed_energies), (tb.rolling, rows_equations.rolling_energies)):
+        assert rows_equations.largest_difference(build(p), p, energies) < 1e-13
+        assert rows_equations.largest_difference(build(p), other, energies) > 1e-9
+
+
+def test_every_number_of_the_paper_has_a_row_or_a_reason() -> None:
+    assert all(each.printed and each.why for each in UNREACHED)
+    assert {"Table I", "Table II"} <= {each.where for each in UNREACHED}
 
 
 @pytest.fixture

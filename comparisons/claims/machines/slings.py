@@ -57,16 +57,28 @@ def fastest_sling(name: str) -> tuple[float, Mechanism, Launched] | None:
 
 def _looked_at(name: str, lengths: FloatArray) -> tuple[float, Mechanism, Launched]:
     machines = [model(name, parameters_type(name)(r=float(r))) for r in lengths]
-    throws = zip(lengths.tolist(), machines, _launches(machines), strict=True)
+    throws = zip(lengths.tolist(), machines, launches(machines, _DURATION), strict=True)
     return max(throws, key=lambda each: each[2].speed)
 
 
-def _launches(machines: Sequence[Mechanism]) -> Iterable[Launched]:
+def launches(machines: Sequence[Mechanism], duration: float, alone: bool = True) -> Iterable[Launched]:
+    """Throws of machines of one kind at 45 degrees.
+
+    Args:
+        machines: alike but for their numbers.
+        duration: the launch is looked for up to here [s]; where machines are solved alone, at all times.
+        alone: whether each may be solved for itself, a tenth of a second each, where heyoka is not installed.
+
+    Raises:
+        EngineNotInstalledError: heyoka is not installed, and they may not be solved alone.
+    """
     from ....reference.taylor import launch_batch  # a second to import
 
     try:
-        batch = launch_batch(machines, duration=_DURATION)
+        batch = launch_batch(machines, duration=duration)
     except EngineNotInstalledError:
+        if not alone:
+            raise
         return [_launch(machine) for machine in machines]
     rows = zip(machines, batch.launched, batch.speed, batch.time, batch.q, strict=True)
     return [_checked(machine, q, float(v), float(t)) if ok else _NONE for machine, ok, v, t, q in rows]

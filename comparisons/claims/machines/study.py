@@ -6,26 +6,22 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import NonlinearConstraint, minimize
 
-from ....models.arrays import FloatArray
 from ....models.mechanism import Mechanism
 from ....models.registry import model, models
 from ....models.trajectory import Trajectory
 from ....models.trebuchet import PROJECTILE
 from ....reference.certificate import reference_uncertainty
-from ....reference.equations import Equations
 from ....reference.release import Projectile
 from ....reference.solution import Solution
 from ...campaign import Comparison, compare
 from ...results import Outcome, Run
 from ..results import EngineValue
 from ..sweep.engines import Allowed, speed_allowance
-from .results import MachineEfficiency, Machines, SlingThrow
+from .energy import available_energy, kinetic_energy, potential_energy, thrown_mass
+from .results import MachineEfficiency, Machines, SlingThrow, WidestThrow
 from .slings import SLINGS, Launched, fastest_sling
-
-_STARTS = 8  # of the search for the lowest position: a linkage has few
-_SEED = 1
+from .widest import BOUNDS, most_efficient
 
 
 def efficiencies(engines: Sequence[str] | None = None) -> Machines:
@@ -38,7 +34,7 @@ def efficiencies(engines: Sequence[str] | None = None) -> Machines:
     names = tuple(models())
     comparison = compare(names, engines=engines, presets=("tuned",))
     rows = tuple(_efficiency(name, comparison) for name in names)
-    return Machines(machines=rows, slings=SLINGS, seconds=time.perf_counter() - started)
+    return Machines(machines=rows, slings=SLINGS, bounds=BOUNDS, seconds=time.perf_counter() - started)
 
 
 def _efficiency(name: str, comparison: Comparison) -> MachineEfficiency:
@@ -46,7 +42,7 @@ def _efficiency(name: str, comparison: Comparison) -> MachineEfficiency:
     launch = solution.launch
     assert launch is not None, f"{name} is a machine that launches"
     arm = float(solution.motion(np.array([launch.time])).q[0, 0])
-    available, mass = available_energy(mechanism), _thrown(mechanism)
+    available, mass = available_energy(mechanism), thrown_mass(mechanism)
     built = Launched(launch.speed, launch.time, arm)
     best = fastest_sling(name)
     sling = next((body.centre[0] for body in mechanism.bodies if body.name == "sling"), None)
@@ -56,9 +52,10 @@ def _efficiency(name: str, comparison: Comparison) -> MachineEfficiency:
         name=name,
         text=models()[name],
         available_energy=available,
-        total_energy=float(Equations(mechanism).kinematics.potential_energy(np.array(mechanism.start))),
-        table_one=_throw(sling, built, mass, available),
-        fastest_sling=None if best is None else _throw(best[0], best[2], mass, available_energy(best[1])),
+        total_energy=potential_energy(mechanism),
+        table_one=_throw(mechanism, sling, built),
+        fastest_sling=None if best is None else _throw(best[1], best[0], best[2]),
+        most_efficient=_widest(name),
         speed_uncertainty=reference_uncertainty(solution, launch.time).of("launch_speed"),
         engines=tuple(
             _by_engine(run, trajectories.get(run.label), _allowed(run, solution), mass, available) for run in runs
@@ -67,22 +64,24 @@ def _efficiency(name: str, comparison: Comparison) -> MachineEfficiency:
     )
 
 
-def _thrown(mechanism: Mechanism) -> float:
-    mass = mechanism.thrown_mass(next(marker for marker in mechanism.markers if marker.name == PROJECTILE))
-    assert mass is not None, f"{mechanism.name} throws a known mass"
-    return mass
-
-
-def _throw(sling: float | None, thrown: Launched, mass: float, available: float) -> SlingThrow:
-    kinetic = 0.5 * mass * thrown.speed**2
+def _throw(mechanism: Mechanism, sling: float | None, thrown: Launched) -> SlingThrow:
+    kinetic = kinetic_energy(mechanism, thrown.speed)
     return SlingThrow(
         sling=sling,
         launch_time=thrown.time,
         speed=thrown.speed,
         kinetic_energy=kinetic,
-        efficiency=kinetic / available,
+        efficiency=kinetic / available_energy(mechanism),
         arm_angle=thrown.arm,
     )
+
+
+def _widest(name: str) -> WidestThrow | None:
+    best = most_efficient(name)
+    if best is None:
+        return None
+    throw = _throw(best.mechanism, best.chosen.get("r"), best.thrown)
+    return WidestThrow(**dict(throw), l1=best.chosen["l1"], theta0=best.mechanism.start[0])
 
 
 def _allowed(run: Run, solution: Solution) -> float | None:
@@ -109,33 +108,3 @@ def _distance(run: Run) -> EngineValue:
     found = [metric for metric in run.metrics if metric.name == "position_max" and metric.value is not None]
     bar = next((metric.tolerance for metric in found if metric.subject == PROJECTILE), None)
     return EngineValue(engine=run.engine, value=max(abs(metric.value or 0.0) for metric in found), tolerance=bar)
-
-
-def available_energy(mechanism: Mechanism) -> float:
-    """Potential energy at the start less the least there is, over all positions that the joints allow [J].
-
-    What could be had if nothing but the projectile moved in the end, and every other mass lay as low as it can.
-    """
-    equations = Equations(mechanism)
-    start = np.array(mechanism.start)
-    top = float(equations.kinematics.potential_energy(start))
-
-    def energy(q: FloatArray) -> float:
-        return float(equations.kinematics.potential_energy(q)) / abs(top or 1.0)
-
-    def slope(q: FloatArray) -> FloatArray:
-        return -equations.gravity_forces(q) / abs(top or 1.0)
-
-    loops = NonlinearConstraint(equations.loop_gaps, 0.0, 0.0, jac=lambda q: equations.constraint_jacobian(q, ()))
-    constraints = [loops] if equations.n_loops else []
-    random = np.random.default_rng(_SEED)
-    starts = [start, *(start + random.uniform(-np.pi, np.pi, (_STARTS, len(start))))]
-    found = [
-        minimize(energy, q, jac=slope, method="SLSQP", constraints=constraints, options={"ftol": 1e-15}) for q in starts
-    ]
-    lowest = min(float(each.fun) for each in found if _closes(equations, each.x))
-    return top - lowest * abs(top or 1.0)
-
-
-def _closes(equations: Equations, q: FloatArray) -> bool:
-    return bool(np.abs(equations.loop_gaps(q)).max(initial=0.0) < 1e-8)

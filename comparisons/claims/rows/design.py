@@ -18,8 +18,8 @@ def claims(design: Design) -> list[Claim]:
     gain = Quantity(value=best.throwing.range - design.paper_rolling.range, unit="m")
     shorter = Cause(
         gain.value < 0,
-        f"the farthest coinciding machine within bounds throws {best.throwing.range:.5g} m, the paper's rolling one "
-        f"{design.paper_rolling.range:.5g} m and its fixed one {design.paper_fixed.range:.5g} m",
+        f"the farthest coinciding machine with {_within(design)} throws {best.throwing.range:.5g} m, the paper's "
+        f"rolling one {design.paper_rolling.range:.5g} m and its fixed one {design.paper_fixed.range:.5g} m",
     )
     return [
         made(
@@ -44,6 +44,16 @@ def claims(design: Design) -> list[Claim]:
         ),
         *_largest(design, best),
     ]
+
+
+def _within(design: Design) -> str:
+    """The bounds, which are ours, and whether they matter."""
+    bounds = design.bounds
+    spans = [
+        f"{name} {low:g} to {high:g}" for name, (low, high) in (("r", bounds.r), ("h", bounds.h), ("l1", bounds.l1))
+    ]
+    active = design.designs[0].optimality.active
+    return f"{', '.join(spans)} m ({'at ' + ', '.join(active) if active else 'at none of these bounds'})"
 
 
 def _differing(design: CoincidingDesign, first: str, second: str) -> tuple[EngineValue, ...]:
@@ -76,8 +86,8 @@ def _largest(design: Design, best: CoincidingDesign) -> list[Claim]:
     p = other.parameters
     cause = Cause(
         lost.value > 0,
-        f"within the same bounds r = {p.r:.3g}, h = {p.h:.3g}, l1 = {p.l1:.3g} m throws {other.range:.5g} m, its peak "
-        f"{abs(other.gap):.2g} s {'after' if other.gap > 0 else 'before'} its best release",
+        f"with {_within(design)}, the machine of r = {p.r:.3g}, h = {p.h:.3g}, l1 = {p.l1:.3g} m throws "
+        f"{other.range:.5g} m, its peak {abs(other.gap):.2g} s {'after' if other.gap > 0 else 'before'} the release",
     )
     return [
         made(

@@ -15,19 +15,21 @@ from ..drag.results import (
     Reading,
     WorldFit,
 )
-from ..evidence import made
+from ..evidence import Evidence, Row, made
 from ..results import Claim, Quantity, Verdict
-from ..verdicts import Cause, Grid, Judgement, as_printed, not_told, occurs, positive, vanishes
+from ..throws.grids import TIME_STEP
+from ..throws.headline import FASTEST_ANGLE
+from ..verdicts import Cause, Grid, Judgement, as_printed, not_told, occurs, positive, told_apart, vanishes
 
 _TABLE, _SEC = "Table II", "Sec. IV, Table II"
 _CLOSE = 5.0  # [deg]: 'close to 45' asks for five
 
 
-def claims(study: DragStudy) -> list[Claim]:
+def claims(study: DragStudy, evidence: Evidence) -> list[Claim]:
     """All of them."""
     plain = _reading(study)
     rows = [_world(plain, fit, _printed(study, fit.world)) for fit in plain.worlds]
-    return [*rows, _one_area(study), *_trend(study, plain)]
+    return [*rows, _one_area(study), *_trend(study, plain), *_fastest(study, plain, evidence)]
 
 
 def _reading(study: DragStudy) -> Reading:
@@ -163,3 +165,35 @@ def _exception(study: DragStudy, angles: dict[str, float]) -> Claim:
         occurs(excess.value > 0, "a larger best angle in thin air than in none", [never, some]),
         machine="fixed",
     )
+
+
+def _fastest(study: DragStudy, reading: Reading, evidence: Evidence) -> list[Claim]:
+    """On other worlds with air, the largest speed comes at another angle than the best one, as printed.
+
+    Gravity only scales the time of a throw from rest: the angle of the largest speed is the same everywhere.
+    """
+    home = evidence.parameters.g
+    worlds = [each for each in study.printed if each.density > 0 and each.gravity != home]
+    return [_elsewhere(each, _angle_per_step(reading, each.world), evidence) for each in worlds]
+
+
+def _elsewhere(printed: PrintedAngle, step: float, evidence: Evidence) -> Claim:
+    return Row(
+        f"largest speed at another angle, {printed.world}",
+        _SEC,
+        f"not {printed.printed}°",
+        "angle of the velocity where the projectile is fastest",
+        "deg",
+        lambda f: math.degrees(f[f"fixed: {FASTEST_ANGLE}"]),
+        lambda q: told_apart(q, printed.printed, step, f"what the angle turns in a step of {TIME_STEP:g} s there"),
+        "fixed",
+    ).claim(evidence)
+
+
+def _angle_per_step(reading: Reading, world: str) -> float:
+    """How much the velocity turns in one step of the paper's release times, about the best release in vacuum [deg]."""
+    fit = next(each for each in reading.worlds if each.world == world)
+    curve = next(each for each in reading.curves if each.world == world)
+    # The curve of best releases runs along the one throw: its next point is another instant of the same motion.
+    turned = abs(curve.angles[1] - fit.vacuum_angle) / abs(curve.times[1] - fit.vacuum_time)
+    return math.degrees(turned) * TIME_STEP

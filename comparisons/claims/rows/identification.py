@@ -11,7 +11,6 @@ from ..verdicts import Cause, occurs, vanishes
 def claims(found: Identification) -> list[Claim]:
     """All of them."""
     fit = found.fit
-    fitted = [each for each in found.printed if each.fitted]
     worst = Quantity(value=fit.least_worst, unit="half digits")
     cause = Cause(not fit.compatible, f"the best of all starts still misses one by {fit.least_worst:.3g} half digits")
     return [
@@ -25,19 +24,6 @@ def claims(found: Identification) -> list[Claim]:
             machine="both",
         ),
         _constraint(found),
-        made(
-            "figures in print fix the start",
-            "Secs. II, IV to VI",
-            f"{len(fitted)} figures",
-            "start angles the print determines, of three",
-            Quantity(value=found.conditioning.rank, unit=""),
-            occurs(
-                found.conditioning.rank == 3,
-                "three directions of start angles that the print determines",
-                [Cause(found.conditioning.rank < 3, f"it determines {found.conditioning.rank}")],
-            ),
-            machine="both",
-        ),
     ]
 
 

@@ -12,9 +12,11 @@ from ....models.trebuchet import PROJECTILE
 from ..evidence import Evidence, Row, Values
 from ..results import Quantity
 from ..throws.grids import CAPTION_STEP, TIME_STEP, time_grid
-from ..verdicts import Cause, Judgement, as_printed, coincides, positive
+from ..verdicts import Cause, Judgement, as_printed, coincides, positive, vanishes
 
 _DEGREE = 180 / math.pi
+_PRINTED_TIME = 2.745  # [s]
+_ACROSS = 1.0  # [deg] the paper finds the right angle between two angles that it rounds to a degree each
 
 
 def rows(evidence: Evidence) -> list[Row]:
@@ -102,7 +104,7 @@ def _caption(ours: Values) -> list[Cause]:
 def _angles(evidence: Evidence) -> list[Row]:
     throw = evidence.throws["fixed"]
     best = throw.figures["best_release_time, longest range"]
-    direction, to_sling = time_grid(throw, best, _direction), time_grid(throw, best, _to_sling)
+    direction = time_grid(throw, best, _direction)
     moving = _pin_speed(evidence, best)
     return [
         Row(
@@ -116,7 +118,7 @@ def _angles(evidence: Evidence) -> list[Row]:
             "fixed",
         ),
         Row(
-            "best angle is no other",
+            "another best angle needs a higher speed",
             "Sec. IV",
             "> 0",
             "speed at the best angle, less that at 45 deg",
@@ -129,10 +131,10 @@ def _angles(evidence: Evidence) -> list[Row]:
             "velocity across the sling",
             "Sec. IV",
             "90°",
-            "angle from sling to velocity at the best release",
+            "angle from sling to velocity at the best release, less a right angle",
             "deg",
-            lambda f: f["fixed: velocity to sling, longest range"] * _DEGREE,
-            lambda q: as_printed(q, "90", to_sling, [moving]),
+            lambda f: f["fixed: velocity to sling, longest range"] * _DEGREE - 90.0,
+            lambda q: vanishes(q, _ACROSS, "half a degree each of 585° and of 45°", [moving]),
             "fixed",
         ),
     ]
@@ -146,7 +148,11 @@ def _still_faster(ours: Values) -> Cause:
 def _pin_speed(evidence: Evidence, time: float) -> Cause:
     u = evidence.throws["fixed"].at(np.array([time])).u[0]
     speed = evidence.parameters.l1 * abs(float(u[0]))
-    return Cause(speed > 0, f"the sling's pin still moves with {speed:.3g} m/s")
+    printed = float(_to_sling(evidence.throws["fixed"].at(np.array([_PRINTED_TIME])))[0]) - 90.0
+    sentence = (
+        f"the sling's pin still moves with {speed:.3g} m/s; at the printed {_PRINTED_TIME} s ours is {printed:.3g} deg"
+    )
+    return Cause(speed > 0, sentence)
 
 
 def _direction(trajectory: Trajectory) -> FloatArray:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from ....models.trebuchet import COUNTERWEIGHT
 from ..evidence import Evidence, Row, Values
 from ..printed import parse
 from ..results import Quantity
+from ..throws.headline import SIDEWAYS, SLANT
 from ..verdicts import Cause, Judgement, as_printed, below, coincides, positive, vanishes
 
 _FIXED, _ROLLING = "fixed", "rolling"
@@ -13,7 +17,7 @@ _R = {_FIXED: "1.42", _ROLLING: "1.83"}
 
 def rows(evidence: Evidence) -> list[Row]:
     """All of them."""
-    return [*_ratios(), *_why_better(), *_paths(), *_peaks(evidence), *_errors(evidence)]
+    return [*_ratios(), *_why_better(), *_paths(evidence), *_peaks(evidence), *_errors(evidence)]
 
 
 def _ratios() -> list[Row]:
@@ -108,7 +112,7 @@ def _why_better() -> list[Row]:
     ]
 
 
-def _paths() -> list[Row]:
+def _paths(evidence: Evidence) -> list[Row]:
     def apart(f: Values) -> float:
         name = "position_x_max (counterweight), before launch"
         return f[f"fixed: {name}"] - f[f"rolling: {name}"]
@@ -124,15 +128,45 @@ def _paths() -> list[Row]:
             lambda q: as_printed(q, "3.3"),
         ),
         Row(
-            "counterweight's additional way",
+            "counterweight's additional way, there and back",
             "Sec. VI",
             "6.6 m",
-            "twice that: out and back",
+            "twice how much further it swings out",
             "m",
             lambda f: 2 * apart(f),
             lambda q: as_printed(q, "6.6"),
         ),
+        Row(
+            "counterweight's additional way, up to the launch",
+            "Sec. VI",
+            "6.6 m",
+            "all it has travelled sideways when the velocity is at 45 deg, fixed less rolling",
+            "m",
+            lambda f: f[f"fixed: {SIDEWAYS}"] - f[f"rolling: {SIDEWAYS}"],
+            lambda q: as_printed(q, "6.6", causes=[_not_back(evidence)]),
+        ),
+        Row(
+            "counterweight falls straighter on wheels",
+            "Sec. VI, Fig. 6",
+            "> 0",
+            "how far it swings out per metre it has fallen by the launch, fixed less rolling",
+            "",
+            lambda f: f[f"fixed: {SLANT}"] - f[f"rolling: {SLANT}"],
+            lambda q: positive(q, "the difference"),
+        ),
     ]
+
+
+def _not_back(evidence: Evidence) -> Cause:
+    throw = evidence.throws[_FIXED]
+    x = float(throw.at(np.array([throw.launch_time])).marker(COUNTERWEIGHT).position[0, 0])
+    start = float(throw.trajectory.marker(COUNTERWEIGHT).position[0, 0])
+    furthest = throw.figures["position_x_max (counterweight), before launch"]
+    return Cause(
+        furthest - x < furthest - start,
+        f"by then the fixed machine's counterweight has come back {furthest - x:.3g} m of the "
+        f"{furthest - start:.3g} m it swung out",
+    )
 
 
 def _peaks(evidence: Evidence) -> list[Row]:

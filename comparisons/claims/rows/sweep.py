@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..evidence import Evidence, made
 from ..printed import parse
 from ..results import Claim, Quantity
 from ..sweep.results import Position, Sweep
 from ..verdicts import Cause, Judgement, as_printed, at_least, not_told, occurs, positive, vanishes
+from . import backward
 
 _SEC, _FIG = "Sec. V", "Sec. V, Fig. 5"
-_BEST, _BACKWARD, _ZERO, _END = "9.91", "9.9", "10.3", "12.7"
+_BEST, _ZERO, _END = "9.91", "10.3", "12.7"
 _LINEAR = 0.99  # 'linear-like' asks that a line accounts for 99 % of the variance
-_ABRUPT = 0.5  # 'abruptly' asks that the slope changes by half of itself
 
 
 def claims(sweep: Sweep, evidence: Evidence) -> list[Claim]:
     """All of them."""
     parts = (
-        _peak(sweep),
+        _peak(sweep, evidence),
         _optimised(sweep, evidence),
-        _backward(sweep),
+        backward.claims(sweep),
         _suspect(sweep),
         _regime(sweep),
         _trend(sweep),
@@ -39,9 +37,8 @@ def _rising(sweep: Sweep) -> list[Cause]:
     return [Cause(faster, sentence)]
 
 
-def _peak(sweep: Sweep) -> list[Claim]:
+def _peak(sweep: Sweep, evidence: Evidence) -> list[Claim]:
     peak, there, rising = sweep.peak, sweep.position(parse(_BEST).value), _rising(sweep)
-    ratio = Quantity(value=peak.lever_ratio, uncertainty=_of_ratio(sweep), unit="")
     found = [
         made(
             "place of the largest launch speed",
@@ -61,26 +58,7 @@ def _peak(sweep: Sweep) -> list[Claim]:
             as_printed(peak.speed, "100.55", causes=rising),
             machine="fixed",
         ),
-        made(
-            "best lever ratio",
-            "Secs. V, VII",
-            "2.42:1",
-            "l1 / l2 of the largest launch speed",
-            ratio,
-            as_printed(ratio, "2.42:1", causes=rising),
-            machine="fixed",
-        ),
-        made(
-            "best lever ratio of a similar system",
-            _SEC,
-            "3 to 5",
-            "l1 / l2 of the largest launch speed",
-            ratio,
-            not_told(
-                "the cited machine is another: its arm starts backward and its sling lies on a trough; its own "
-                "dimensions are not in the paper"
-            ),
-        ),
+        *_ratios(sweep, evidence),
     ]
     if there is None or there.speed is None:
         return found
@@ -97,6 +75,43 @@ def _peak(sweep: Sweep) -> list[Claim]:
             "fixed",
         ),
         *found,
+    ]
+
+
+def _ratios(sweep: Sweep, evidence: Evidence) -> list[Claim]:
+    ratio = Quantity(value=sweep.peak.lever_ratio, uncertainty=_of_ratio(sweep), unit="")
+    p = evidence.parameters
+    below = Quantity(value=p.l1 / p.l2 - ratio.value, uncertainty=ratio.uncertainty, unit="")
+    return [
+        made(
+            "best lever ratio",
+            "Secs. V, VII",
+            "2.42:1",
+            "l1 / l2 of the largest launch speed",
+            ratio,
+            as_printed(ratio, "2.42:1", causes=_rising(sweep)),
+            machine="fixed",
+        ),
+        made(
+            "best lever ratio below the machine's",
+            _SEC,
+            "2.42 < 2.5",
+            "machine's l1 / l2 less that of the largest launch speed",
+            below,
+            positive(below, "the machine's ratio less the best"),
+            machine="fixed",
+        ),
+        made(
+            "best lever ratio of a similar system",
+            _SEC,
+            "3 to 5",
+            "l1 / l2 of the largest launch speed",
+            ratio,
+            not_told(
+                "the cited machine is another: its arm starts backward and its sling lies on a trough; its own "
+                "dimensions are not in the paper"
+            ),
+        ),
     ]
 
 
@@ -126,74 +141,11 @@ def _optimised(sweep: Sweep, evidence: Evidence) -> list[Claim]:
     ]
 
 
-def _backward(sweep: Sweep) -> list[Claim]:
-    limit = parse(_BACKWARD).value
-    places = [place for place in sweep.positions if place.l1 < limit]
-    back = min((place.furthest_back for place in places), default=0.0)
-    turning = Quantity(value=min((p.arm_torque for p in places), default=sweep.backward.least_torque), unit="N m")
-    falls = any(place.arm_torque < 0 or place.furthest_back < 0 for place in places)
-    never = Cause(
-        not falls,
-        f"at all {len(places)} places below {_BACKWARD} m that were looked at gravity turns the arm forward with "
-        f"{turning.value:.4g} N m or more, and it never comes behind its start ({back:.2g} rad)",
-    )
-    back_engines = min(places, key=lambda place: place.l1).engines_furthest_back if places else ()
-    return [
-        made(
-            "falls backward below l1 = 9.9",
-            _SEC,
-            "l1 < 9.9 m",
-            "least theta - theta(0) before the launch, below 9.9 m",
-            Quantity(value=back, unit="rad"),
-            occurs(falls, "an arm that turns backward", [never]),
-            back_engines,
-            "fixed",
-        ),
-        _past_pivot(sweep),
-        _abrupt(sweep, limit),
-    ]
-
-
-def _past_pivot(sweep: Sweep) -> Claim:
-    quantity, past = (
-        "l1 below which the counterweight starts behind the fulcrum",
-        sweep.backward.counterweight_past_pivot,
-    )
-    name = "counterweight starts past the pivot"
-    if past is None:
-        never = Cause(True, "on no part of the beam does it start behind the fulcrum")
-        return made(name, _SEC, "9.9 m", quantity, None, occurs(False, "such a place", [never]), machine="fixed")
-    falls = sweep.backward.l1
-    other = Cause(falls is not None, f"and only below l1 = {falls or 0.0:.4g} m would gravity turn the arm backward")
-    place = Quantity(value=past, uncertainty=1e-12 * past, unit="m")
-    return made(name, _SEC, "9.9 m", quantity, place, as_printed(place, _BACKWARD, causes=[other]), machine="fixed")
-
-
-def _abrupt(sweep: Sweep, limit: float) -> Claim:
-    """The slope of our curve on both sides of a place."""
-    pairs = [(x, y) for x, y in zip(sweep.curve.l1, sweep.curve.release_once, strict=True) if y is not None]
-    l1, speed = np.array([x for x, _ in pairs]), np.array([y for _, y in pairs])
-    slope = np.gradient(speed, l1)
-    i = int(np.argmin(np.abs(l1 - limit)))
-    before, after = float(slope[max(i - 3, 0)]), float(slope[min(i + 3, len(slope) - 1)])
-    change = Quantity(value=abs(before - after) / abs(after) if after else 0.0, unit="")
-    smooth = Cause(change.value < _ABRUPT, f"the slope is {before:.3g} m/s per m just below and {after:.3g} just above")
-    return made(
-        "launch speed changes abruptly at 9.9",
-        _FIG,
-        "9.9 m",
-        "change of the slope across l1 = 9.9 m, of itself",
-        change,
-        at_least(change, _ABRUPT, "'abruptly' asks for half", [smooth]),
-        machine="fixed",
-    )
-
-
 def _suspect(sweep: Sweep) -> list[Claim]:
     near, place = sweep.suspect, sweep.position(parse(_ZERO).value)
     speed = place.speed if place and place.speed else Quantity(value=near.speed, unit="m/s")
     engines = place.engines if place else ()
-    smooth = Cause(True, f"its neighbours alone give {near.from_neighbours:.4f} m/s there")
+    smooth = Cause(True, f"its neighbours on the curve alone give {near.from_neighbours:.4f} m/s there")
     missing = [search for search in sweep.artefact.searches if near.l1 in search.fails_at]
     alone = [search for search in missing if len(search.fails_at) == 1]
     newton = Cause(bool(alone), "a root search that starts every place from one guess can miss the release just there")

@@ -47,7 +47,7 @@ def _pairing(evidence: Evidence, name: str) -> Row:
         "s",
         lambda f: f[f"{name}: release_time ({_HANGER})"] - f[f"{name}: release_time ({_SLING})"],
         lambda q: positive(
-            q, "the time from the release of G1, λ's by Eq. (1), to that of G2", [_swapped(evidence, name)]
+            q, "the time from the release of G1 (λ's by Eq. (1)) to that of G2", [_swapped(evidence, name)]
         ),
         name,
     )
@@ -78,17 +78,9 @@ def _shapes() -> list[Row]:
 
     return [
         parabola(_HANGER),
-        Row(
-            "λ only falls",
-            "Sec. III, Fig. 2",
-            "decreasing",
-            "largest rise of the hanger's torque before its release, of its start",
-            "",
-            lambda f: f[f"fixed: climb ({_HANGER})"],
-            lambda q: vanishes(q, 0.0, "a falling torque does not rise"),
-            "fixed",
-        ),
+        _falling(_HANGER),
         parabola(_SLING),
+        _falling(_SLING),
         Row(
             "γ nearly linear after λ is gone",
             "Sec. III, Fig. 3",
@@ -109,7 +101,33 @@ def _shapes() -> list[Row]:
             lambda q: at_least(q, _SIGNIFICANT, "'significantly' asks for a tenth"),
             "fixed",
         ),
+        Row(
+            "projectile freed sooner by the counterweight's swing",
+            "Sec. III, Fig. 3",
+            "> 1",
+            "slope of γ once λ is gone, over its slope before",
+            "",
+            lambda f: f[f"fixed: steepening ({_SLING})"],
+            lambda q: at_least(q, 1 + _SIGNIFICANT, "quicker by a tenth"),
+            "fixed",
+        ),
     ]
+
+
+def _falling(stop: str) -> Row:
+    name, figure, printed = (
+        ("λ only falls", "Fig. 2", "decreasing") if stop == _HANGER else ("γ only rises", "Fig. 3", "increasing")
+    )
+    return Row(
+        name,
+        f"Sec. III, {figure}",
+        printed,
+        f"largest growth of the {stop.split(maxsplit=1)[0]}'s torque before the first release, of its start",
+        "",
+        lambda f: f[f"fixed: climb ({stop})"],
+        lambda q: vanishes(q, 0.0, "a torque that fades does not grow"),
+        "fixed",
+    )
 
 
 def _signs() -> list[Row]:
@@ -191,7 +209,17 @@ def _third(evidence: Evidence) -> list[Row]:
                 "0",
                 "launch speed with an arm stop that acts, less that without",
                 "m/s",
-                lambda f, name=name: _difference(f, name),
+                lambda f, name=name: _difference(f, name, "launch_speed"),
+                lambda q: vanishes(q, 0.0, "the same launch"),
+                name,
+            ),
+            Row(
+                f"third constraint leaves the range alone, {name}",
+                "Sec. III",
+                "0",
+                "range at 45 deg with an arm stop that acts, less that without",
+                "m",
+                lambda f, name=name: _difference(f, name, "range, launch"),
                 lambda q: vanishes(q, 0.0, "the same launch"),
                 name,
             ),
@@ -199,5 +227,5 @@ def _third(evidence: Evidence) -> list[Row]:
     return found
 
 
-def _difference(f: Values, name: str) -> float:
-    return f[f"{name}: {PREFIX} launch_speed"] - f[f"{name}: launch_speed"]
+def _difference(f: Values, name: str, figure: str) -> float:
+    return f[f"{name}: {PREFIX} {figure}"] - f[f"{name}: {figure}"]

@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 from pydantic import JsonValue
 
 from ...plots import finish
-from ..machines.results import MachineEfficiency, Machines, SlingThrow
+from ..machines.results import MachineEfficiency, Machines, SlingThrow, WidestThrow
 from ..results import EngineValue
 from .blocks import Block, drawn, table
 
@@ -19,9 +19,17 @@ def machines(data: JsonValue) -> list[Block]:
     text = (
         "Efficiency: the projectile's kinetic energy at 45 degrees over the energy available, which is the potential "
         "energy at the start less the least there is. All have the paper's masses and arm; who wins depends on the "
-        f"sling, so each machine also gets its fastest, of {found.slings[0]:g} to {found.slings[1]:g} m."
+        f"sling, so each machine also gets its fastest, of {found.slings[0]:g} to {found.slings[1]:g} m, and each kind "
+        f"its most efficient machine with {_bounds(found)}."
     )
     return [drawn("Who makes most of its energy", _bars(found), text), _throws(found), _distances(found)]
+
+
+def _bounds(found: Machines) -> str:
+    spans = {name: bounds for name, bounds in found.bounds.items() if name != "theta0"}
+    said = ", ".join(f"{name} of {low:g} to {high:g} m" for name, (low, high) in spans.items())
+    low, high = (math.degrees(angle) for angle in found.bounds["theta0"])
+    return f"{said} and, where the arm begins backward, a start of {low:.0f} to {high:.0f} deg"
 
 
 def _bars(found: Machines) -> go.Figure:
@@ -30,6 +38,8 @@ def _bars(found: Machines) -> go.Figure:
     figure = go.Figure()
     figure.add_bar(x=names, y=[m.table_one.efficiency for m in found.machines], name="the paper's sling")
     figure.add_bar(x=names, y=best, name="its fastest sling")
+    widest = [None if m.most_efficient is None else m.most_efficient.efficiency for m in found.machines]
+    figure.add_bar(x=names, y=widest, name="most efficient within bounds")
     figure.update_yaxes(title="efficiency", range=[0, 1], tickformat=".0%")
     return finish(figure, 420)
 
@@ -38,10 +48,12 @@ def _throws(found: Machines) -> Block:
     names = _engines(found)
     rows: list[list[object]] = []
     for machine in found.machines:
-        throws = [(machine.table_one, machine.engines), (machine.fastest_sling, ())]
+        throws = [(machine.table_one, machine.engines), (machine.fastest_sling, ()), (machine.most_efficient, ())]
         rows += [_row(machine, throw, values, names) for throw, values in throws if throw is not None]
     headings = (
         "machine",
+        "l1 [m]",
+        "start [deg]",
         "sling [m]",
         "available [kJ]",
         "launch [s]",
@@ -60,8 +72,9 @@ def _row(
 ) -> list[object]:
     return [
         machine.name,
+        *_chosen(throw),
         throw.sling,
-        machine.available_energy / 1e3,
+        throw.kinetic_energy / throw.efficiency / 1e3,
         throw.launch_time,
         math.degrees(throw.arm_angle),
         throw.speed,
@@ -69,6 +82,11 @@ def _row(
         throw.efficiency,
         *(_value(values, name) for name in names),
     ]
+
+
+def _chosen(throw: SlingThrow) -> tuple[object, object]:
+    """Arm and start, where they are not as given."""
+    return (throw.l1, math.degrees(throw.theta0)) if isinstance(throw, WidestThrow) else ("as given", "as given")
 
 
 def _distances(found: Machines) -> Block:

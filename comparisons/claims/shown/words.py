@@ -18,6 +18,12 @@ def engines(study: Study) -> list[str]:
     return list(dict.fromkeys(each.engine for claim in study.claims for each in claim.engines))
 
 
+def sentence(text: str) -> str:
+    """With a capital and a full stop, unless it begins with a symbol or a lower-case name."""
+    first = text[:1].upper() + text[1:] if re.match(r"[a-z]{2,} ", text) else text
+    return first if first.endswith(".") else f"{first}."
+
+
 def counts(study: Study) -> dict[Verdict, int]:
     """Number of claims by verdict, none left out."""
     found = Counter(claim.verdict for claim in study.claims)

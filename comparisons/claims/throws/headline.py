@@ -18,6 +18,10 @@ from .multipliers import shapes
 GRIDS = (0.005, 0.01)
 """Steps [s] of the release times the paper samples the range at: by its text, and by the caption of its Fig. 4."""
 
+SIDEWAYS, SLANT = "sideways (counterweight), launch", "slant (counterweight), launch"
+FASTEST_ANGLE = "velocity_angle, fastest"
+"""Names of figures added here."""
+
 _SCAN = 0.01  # [s] in which the arm cannot come to its stop and back
 _LOOK = 1.0  # [s] after the launch in which the arm's arrival at its stop is looked for
 
@@ -33,7 +37,7 @@ def read(motion: Motion, trajectory: Trajectory) -> Figures:
         trajectory: the same motion at times of its own, a little past the launch at least.
     """
     found = {label(key): value for key, value in figures(motion, _plan(trajectory.mechanism, motion)).items()}
-    for part in (_of_the_launch, _of_the_best_release, _of_the_arm):
+    for part in (_of_the_launch, _of_the_counterweight, _of_the_best_release, _of_the_arm):
         found |= dict(part(motion, trajectory, found))
     return found | dict(_along(motion, trajectory)) | shapes(trajectory)
 
@@ -79,6 +83,31 @@ def _best_on_grid(motion: Motion, gravity: float, launch: float, step: float) ->
     return times[int(np.nanargmax(ranges))]
 
 
+def _of_the_counterweight(motion: Motion, trajectory: Trajectory, found: Figures) -> _Found:
+    """How far it has travelled sideways by the launch, all turns counted, and how far out per metre fallen."""
+    if motion.launch is None:
+        return
+    end = motion.launch.time
+    before = trajectory.t[trajectory.t < end]
+    vx = trajectory.marker(COUNTERWEIGHT).velocity[: len(before), 0]
+    turns = [_turn(motion, float(before[i]), float(before[i + 1])) for i in np.flatnonzero(vx[:-1] * vx[1:] < 0)]
+    path = np.array([motion.marker(COUNTERWEIGHT, t)[0] for t in (float(before[0]), *turns, end)])
+    yield SIDEWAYS, float(np.abs(np.diff(path[:, 0])).sum())
+    fallen = float(path[0, 1] - path[-1, 1])
+    if fallen > 0:
+        yield SLANT, float(path[:, 0].max() - path[0, 0]) / fallen
+
+
+def _turn(motion: Motion, start: float, end: float) -> float:
+    """When the counterweight turns back [s]."""
+
+    def sideways(t: float) -> float:
+        return float(motion.marker(COUNTERWEIGHT, t)[1][0])
+
+    # A spline through an engine's samples may have the sign's change just outside: then either sample will do.
+    return float(brentq(sideways, start, end, xtol=1e-15)) if sideways(start) * sideways(end) < 0 else start
+
+
 def _of_the_best_release(motion: Motion, trajectory: Trajectory, found: Figures) -> _Found:
     time = found.get("best_release_time, longest range")
     if time is None:
@@ -94,6 +123,8 @@ def _of_the_best_release(motion: Motion, trajectory: Trajectory, found: Figures)
     forward = math.atan2(vy, vx) + float(along)
     yield "velocity to sling, longest range", abs(math.remainder(forward, 2 * math.pi))
     if "largest_ratio_time, fastest" in found:
+        vx, vy = motion.marker(PROJECTILE, found["largest_ratio_time, fastest"])[1]
+        yield FASTEST_ANGLE, math.atan2(vy, vx)
         yield "fastest after longest range", found["largest_ratio_time, fastest"] - time
 
 

@@ -11,7 +11,7 @@ from numpy.polynomial import Polynomial
 from ....models.arrays import FloatArray
 from ....models.trajectory import Trajectory
 
-SHAPES = ("parabola", "line", "slope change", "climb")
+SHAPES = ("parabola", "line", "slope change", "steepening", "climb")
 """How the names of the figures found here begin."""
 _FEWEST = 8  # samples below which a fit of three coefficients says nothing
 
@@ -37,7 +37,8 @@ def shapes(trajectory: Trajectory) -> dict[str, float]:
     """How the torques of the stops closed at the start run, between releases.
 
     'parabola' and 'line' are R^2 of such fits, 'slope change' the change of a torque's slope at the other's release
-    as a share of its slope before, 'climb' the largest rise of a torque that should fall, as a share of its start.
+    as a share of its slope before, 'steepening' how many times steeper it is after,
+    'climb' the largest rise of a torque that should fall, as a share of its start.
     """
     closed = [stop.name for stop in trajectory.mechanism.stops if stop.closed and stop.name in trajectory.stop_torques]
     released = {name: time for name in closed if (time := trajectory.release_times.get(name)) is not None}
@@ -71,4 +72,6 @@ def _alone(trajectory: Trajectory, name: str, start: float, end: float) -> Itera
     if before is not None and line is not None:
         slope = float(before.polynomial.deriv()(start))
         yield f"line ({name})", line.determination
-        yield f"slope change ({name})", abs(float(line.polynomial.deriv()(start)) - slope) / abs(slope)
+        after = float(line.polynomial.deriv()(start))
+        yield f"slope change ({name})", abs(after - slope) / abs(slope)
+        yield f"steepening ({name})", after / slope

@@ -25,7 +25,7 @@ from ...isolation import Worker
 from .allowances import Amplification, allowances, amplification
 from .headline import Figures, read
 from .sampled import SampledMotion
-from .third import PREFIX, stopped_arm, stopped_arms
+from .third import PREFIX, stopped_arm, stopped_by
 
 _TAIL = 0.05  # [s] past the last instant that is read, so that polynomials have samples on both sides
 _SAMPLES = 3000  # of the reference, over the whole motion, for what is read along it
@@ -89,7 +89,6 @@ def throw_by_all(name: str, parameters: TrebuchetParameters, engines: Sequence[s
     figures = read(MinimalMotion(solution), trajectory)
     others = [each for each in engines if each != "reference"]
     throws = [_by(engine(each), mechanism, until, worker) for each in others]
-    stopped = stopped_arms(mechanism, until, others, worker)
     amplified = amplification(mechanism, parameters, until)
     return MachineThrow(
         mechanism=mechanism,
@@ -97,7 +96,7 @@ def throw_by_all(name: str, parameters: TrebuchetParameters, engines: Sequence[s
         trajectory=trajectory,
         figures=figures | stopped_arm(mechanism, until),
         uncertainties=_uncertainties(mechanism, figures, until),
-        engines=tuple(_finished(each, mechanism, figures, amplified, stopped[each.engine]) for each in throws),
+        engines=tuple(_finished(each, mechanism, figures, amplified, until, worker) for each in throws),
     )
 
 
@@ -140,16 +139,18 @@ def _by(runner: Engine, mechanism: Mechanism, until: float, worker: Worker) -> E
 
 
 def _finished(
-    throw: EngineThrow, mechanism: Mechanism, ours: Figures, amplified: Amplification, stopped: Figures | str
+    throw: EngineThrow, mechanism: Mechanism, ours: Figures, amplified: Amplification, until: float, worker: Worker
 ) -> EngineThrow:
-    """With its tolerances, and with what it finds where the arm's stop acts."""
+    """With its tolerances, and with what it finds where the arm's stop acts; one that failed is not asked again."""
     if throw.trajectory is None:
         return throw
-    allowed = allowances(engine(throw.engine), mechanism, ours, amplified)
-    if isinstance(stopped, str):
-        return replace(throw, allowed=allowed, lacking={PREFIX: stopped})
-    # Up to the launch both laws give one motion; a blow is noticed at a sample, half a step late on average.
-    same = {f"{PREFIX} {name}": width for name, width in allowed.items()}
-    step = float(np.median(np.diff(throw.trajectory.t)))
-    blow = {f"{PREFIX} arm stop acts": allowed["arm at its stop"] + step} if "arm at its stop" in allowed else {}
-    return replace(throw, figures=throw.figures | stopped, allowed=allowed | same | blow)
+    runner = engine(throw.engine)
+    allowed = allowances(runner, mechanism, ours, amplified)
+    stopped = stopped_by(runner, mechanism, until, worker)
+    if stopped.note is not None:
+        return replace(throw, allowed=allowed, lacking={PREFIX: stopped.note})
+    # Up to the launch both laws give one motion, and the blow comes when the arm arrives.
+    allowed |= {f"{PREFIX} {name}": width for name, width in allowed.items()}
+    if "arm at its stop" in allowed:
+        allowed[f"{PREFIX} arm stop acts"] = allowed["arm at its stop"] + stopped.noticed
+    return replace(throw, figures=throw.figures | stopped.figures, allowed=allowed)
