@@ -22,6 +22,7 @@ from ....reference.release import Projectile
 from ....reference.solution import Solution
 from ....reference.solver import natural_time, solve
 from ....reference.taylor import solve_taylor
+from ..machines.energy import available_energy
 from .results import Reading, Throwing
 
 _SPANS = (1.9, 3.0)  # longest motions looked at, in natural times; Table I's rolling machine has swept after 1.5
@@ -183,7 +184,7 @@ def described(parameters: TrebuchetParameters, found: FirstSweep) -> Throwing:
     path = solution.trajectory(np.linspace(0.0, until, _SAMPLES))
     mechanism = solution.problem.mechanism
     kinetic = 0.5 * p.m_b * found.best.speed**2
-    available = p.m_cw * p.g * float(path.marker(COUNTERWEIGHT).position[0, 1] + p.l2 + p.h)
+    available = available_energy(mechanism)
     opened = solution.release_times[SLING_REST]
     assert opened is not None  # or there were no first sweep
     return Throwing(

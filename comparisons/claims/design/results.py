@@ -34,7 +34,7 @@ class Throwing(Spec):
     angle: Real = Field(description="there, above the horizontal [rad]")
     range: Real = Field(description="from the fulcrum's x at the start to y = 0 [m]")
     ratio: Real = Field(description="the paper's R there: kinetic over total energy")
-    available_energy: Real = Field(description="from the start down to the lowest the counterweight hangs [J]")
+    available_energy: Real = Field(description="from the start down to its lowest position of all [J]")
     efficiency: Real = Field(description="kinetic energy there over the available energy")
     arm_angle: Real = Field(description="theta at the range-optimal release [rad]; the third constraint is at 3 pi / 2")
     sling_release: Real = Field(description="when the sling's rest opens [s]")
