@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import suppress
+import signal
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -27,6 +28,22 @@ def simulate_warm(runner: Engine, problem: Problem) -> Trajectory:
     with suppress(TrebucheckError):  # the run itself will say it better
         runner.simulate(short)
     return runner.simulate(problem)
+
+
+@contextmanager
+def deaf_to_interrupts() -> Generator[None, None, None]:
+    """Processes started meanwhile, and theirs, do not get a Ctrl-C of the terminal: whoever started them ends them.
+
+    The signal is held back here, not lost; a child inherits that. (Systems without signal masks go without.)
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @dataclass
@@ -53,8 +70,10 @@ class Worker:
         """
         if self._pool is None:
             self._pool = ProcessPoolExecutor(max_workers=1)
+        with deaf_to_interrupts():
+            future = self._pool.submit(function, runner, given)
         try:
-            return self._pool.submit(function, runner, given).result(self.timeout)
+            return future.result(self.timeout)
         except TerminatedWorkerError:
             self.close()
             raise SimulationError(f"{runner.name} crashed: its process ended by itself.") from None

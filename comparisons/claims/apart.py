@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -13,6 +12,7 @@ from typing import Any
 from joblib.externals.loky.process_executor import ProcessPoolExecutor
 
 from ...models.errors import TrebucheckError
+from ..isolation import deaf_to_interrupts
 
 Job = Callable[[], Any]
 Outcome = tuple[str, Any, str | None]
@@ -36,7 +36,7 @@ class Jobs:
             # A pool each: loky declares a whole pool broken when one process dies.
             with _quiet_tracker():
                 pool = ProcessPoolExecutor(max_workers=1)
-            with _deaf_to_interrupts():
+            with deaf_to_interrupts():
                 self._running[pool.submit(job)] = (name, pool)
 
     @property
@@ -88,22 +88,6 @@ def _quiet_tracker() -> Generator[None, None, None]:
             del os.environ[_WARNINGS]
         else:
             os.environ[_WARNINGS] = before
-
-
-@contextmanager
-def _deaf_to_interrupts() -> Generator[None, None, None]:
-    """Processes started meanwhile, and theirs, do not get a Ctrl-C of the terminal: whoever started them ends them.
-
-    The signal is held back here, not lost; a child inherits that. (Systems without signal masks go without.)
-    """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
