@@ -89,7 +89,7 @@ def main() -> None:
     readme = ROOT / "README.md"
     text = _with_block(readme.read_text(), "agreement", agreement_table(comparison))
     text = _with_block(text, "other machines", agreement_table(tb.compare(OTHERS, presets=["tuned"])))
-    text = _with_block(text, "paper", summary(study()))
+    text = _with_block(text, "paper", summary(study(["reference"])))
     readme.write_text(text)
     pictures = ROOT / "docs" / "pictures"
     pictures.mkdir(exist_ok=True)
