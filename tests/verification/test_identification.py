@@ -39,6 +39,7 @@ def test_slopes_are_the_exact_derivatives() -> None:
     assert headlines.jacobian(PAPER)[row] * PRINTED[row].half == pytest.approx(expected, rel=1e-6, abs=2e-6)
 
 
+@pytest.mark.slow
 def test_a_known_start_is_found_from_its_rounded_figures() -> None:
     truth = (0.03, math.pi + 0.02, -0.75)
     there = TABLE.model_copy(update={"r": 6.2, "m_cw": 3200.0})
@@ -53,6 +54,7 @@ def test_a_known_start_is_found_from_its_rounded_figures() -> None:
     assert distance <= 3 * sum(figure.fitted for figure in PRINTED)
 
 
+@pytest.mark.slow
 def test_ends_of_the_compatible_set_are_where_a_figure_leaves_its_digits() -> None:
     headlines = Headlines(TABLE)
     found = fit(headlines, PAPER, ("alpha0",), name="alpha0 alone")
@@ -67,6 +69,7 @@ def test_ends_of_the_compatible_set_are_where_a_figure_leaves_its_digits() -> No
     assert extent.high == pytest.approx(brentq(beyond, inside, inside + 0.01, xtol=1e-12), abs=2e-9)
 
 
+@pytest.mark.slow
 def test_figures_that_contradict_each_other_leave_nothing() -> None:
     printed = tuple(
         figure.model_copy(update={"value": 1.93}) if figure.name == R_ROLLING else figure for figure in PRINTED

@@ -38,6 +38,7 @@ def other_machines(name: str) -> st.SearchStrategy[tb.Mechanism]:
     return st.builds(lambda **values: model(name, kind(**values)), **ranges)
 
 
+@pytest.mark.slow
 @given(data=st.data())
 @pytest.mark.parametrize("name", OTHERS)
 def test_two_formulations_move_alike(name: str, data: st.DataObject) -> None:
@@ -84,6 +85,7 @@ def test_a_catapult_is_a_quadrature(machine: tb.Mechanism) -> None:
     assert launch.time == pytest.approx(time + rest, abs=1e-9 + error + error_of_rest)
 
 
+@pytest.mark.slow
 @given(machine=other_machines("floating-arm"))
 def test_a_floating_arm_keeps_to_its_tracks(machine: tb.Mechanism) -> None:
     """The counterweight stays on its line, the wheel on its own, and neither pushes along its track."""

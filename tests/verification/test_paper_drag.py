@@ -97,6 +97,7 @@ def test_what_intervals_share() -> None:
     assert common([first, None]) is None
 
 
+@pytest.mark.slow
 def test_a_drag_area_is_found_again_from_the_angles_it_gives() -> None:
     area, rows = 0.07, list[PrintedAngle]()
     for name in ("earth", "venus"):

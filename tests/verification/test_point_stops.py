@@ -40,6 +40,7 @@ def ladder(lean: float, tilt: float = 0.0) -> tb.Mechanism:
     )
 
 
+@pytest.mark.slow
 @given(lean=st.floats(0.4, 1.5))
 def test_a_ladder_leaves_its_wall_at_two_thirds_of_its_height(lean: float) -> None:
     """Where sin a = 2/3 sin a0: a classic. The wall's force before is 3/4 m g cos a (3 sin a - 2 sin a0)."""
