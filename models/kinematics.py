@@ -143,22 +143,35 @@ class Kinematics:
 
     def gap_row(self, stop: str) -> FloatArray:
         """Gradient of the gap of a stop on angles (constant), shape (n_q,)."""
-        found = self.mechanism.stop(stop)
-        if isinstance(found, PointStop):
+        if stop not in self._gap_rows:
             raise TypeError(f"stop {stop!r} is on a point: its gradient is not constant")
-        row = np.zeros(len(self.is_angle))
-        row[self._index(found.body)] = found.sense
-        if found.relative_to != GROUND:
-            row[self._index(found.relative_to)] = -found.sense
-        return row
+        return self._gap_rows[stop]
 
     def gap_wave(self, stop: str) -> PointRow:
         """The gap of a stop on a point as Re(offset + coefficients . w(q))."""
-        found = self.mechanism.stop(stop)
-        if not isinstance(found, PointStop):
+        if stop not in self._gap_waves:
             raise TypeError(f"stop {stop!r} is on angles: its gap is linear in them")
-        row, across = self.point(found.body, found.point), complex(*found.normal).conjugate()
-        return PointRow(row.offset * across - found.offset, row.coefficients * across)
+        return self._gap_waves[stop]
+
+    @cached_property
+    def _gap_rows(self) -> dict[str, FloatArray]:
+        rows: dict[str, FloatArray] = {}
+        for stop in self.mechanism.angle_stops:
+            row = np.zeros(len(self.is_angle))
+            row[self._index(stop.body)] = stop.sense
+            if stop.relative_to != GROUND:
+                row[self._index(stop.relative_to)] = -stop.sense
+            row.flags.writeable = False  # everybody gets the same one
+            rows[stop.name] = row
+        return rows
+
+    @cached_property
+    def _gap_waves(self) -> dict[str, PointRow]:
+        waves: dict[str, PointRow] = {}
+        for stop in self.mechanism.point_stops:
+            row, across = self.point(stop.body, stop.point), complex(*stop.normal).conjugate()
+            waves[stop.name] = PointRow(row.offset * across - stop.offset, row.coefficients * across)
+        return waves
 
 
 def _as_vectors(z: ComplexArray) -> FloatArray:

@@ -42,7 +42,7 @@ def _efficiency(name: str, comparison: Comparison) -> MachineEfficiency:
     launch = solution.launch
     assert launch is not None, f"{name} is a machine that launches"
     arm = float(solution.motion(np.array([launch.time])).q[0, 0])
-    available, mass = available_energy(mechanism), thrown_mass(mechanism)
+    available = available_energy(mechanism)
     built = Launched(launch.speed, launch.time, arm)
     best = fastest_sling(name)
     sling = next((body.centre[0] for body in mechanism.bodies if body.name == "sling"), None)
@@ -53,25 +53,25 @@ def _efficiency(name: str, comparison: Comparison) -> MachineEfficiency:
         text=models()[name],
         available_energy=available,
         total_energy=potential_energy(mechanism),
-        table_one=_throw(mechanism, sling, built),
-        fastest_sling=None if best is None else _throw(best[1], best[0], best[2]),
+        table_one=_throw(mechanism, available, sling, built),
+        fastest_sling=None if best is None else _throw(best[1], available_energy(best[1]), best[0], best[2]),
         most_efficient=_widest(name),
         speed_uncertainty=reference_uncertainty(solution, launch.time).of("launch_speed"),
         engines=tuple(
-            _by_engine(run, trajectories.get(run.label), _allowed(run, solution), mass, available) for run in runs
+            _by_engine(run, trajectories.get(run.label), _allowed(run, solution), mechanism, available) for run in runs
         ),
         distances=tuple(_distance(run) for run in runs),
     )
 
 
-def _throw(mechanism: Mechanism, sling: float | None, thrown: Launched) -> SlingThrow:
+def _throw(mechanism: Mechanism, available: float, sling: float | None, thrown: Launched) -> SlingThrow:
     kinetic = kinetic_energy(mechanism, thrown.speed)
     return SlingThrow(
         sling=sling,
         launch_time=thrown.time,
         speed=thrown.speed,
         kinetic_energy=kinetic,
-        efficiency=kinetic / available_energy(mechanism),
+        efficiency=kinetic / available,
         arm_angle=thrown.arm,
     )
 
@@ -80,8 +80,9 @@ def _widest(name: str) -> WidestThrow | None:
     best = most_efficient(name)
     if best is None:
         return None
-    throw = _throw(best.mechanism, best.chosen.get("r"), best.thrown)
-    return WidestThrow(**dict(throw), l1=best.chosen["l1"], theta0=best.mechanism.start[0])
+    machine = best.mechanism
+    throw = _throw(machine, available_energy(machine), best.chosen.get("r"), best.thrown)
+    return WidestThrow(**dict(throw), l1=best.chosen["l1"], theta0=machine.start[0])
 
 
 def _allowed(run: Run, solution: Solution) -> float | None:
@@ -93,13 +94,15 @@ def _allowed(run: Run, solution: Solution) -> float | None:
 
 
 def _by_engine(
-    run: Run, trajectory: Trajectory | None, allowed: float | None, mass: float, available: float
+    run: Run, trajectory: Trajectory | None, allowed: float | None, mechanism: Mechanism, available: float
 ) -> EngineValue:
     launch = None if trajectory is None else trajectory.launch()
     if launch is None:
         return EngineValue(engine=run.engine, value=None, note=run.message or "its projectile is not launched")
-    tolerance = None if allowed is None else mass * launch.speed * allowed / available
-    return EngineValue(engine=run.engine, value=0.5 * mass * launch.speed**2 / available, tolerance=tolerance)
+    tolerance = None if allowed is None else thrown_mass(mechanism) * launch.speed * allowed / available
+    return EngineValue(
+        engine=run.engine, value=kinetic_energy(mechanism, launch.speed) / available, tolerance=tolerance
+    )
 
 
 def _distance(run: Run) -> EngineValue:
