@@ -14,11 +14,9 @@ from plotly.subplots import make_subplots
 from ..models.arrays import FloatArray
 from ..models.trajectory import Trajectory
 from ..reference.solution import Solution
-from .plots import finish, skeleton
+from .plots import ENGINE_COLOURS, finish, run_style, skeleton
 
 _POINTS = 500  # drawn per line: enough for the eye, and the report stays a few megabytes
-_COLOURS = {"reference": "#444444", "mujoco": "#1f77b4", "pymunk": "#d9730d", "exudyn": "#2a9d5c"}
-_OTHERS = ("#9467bd", "#8c564b", "#e377c2", "#17becf")
 
 
 @dataclass(frozen=True)
@@ -35,9 +33,7 @@ class Line:
     @property
     def style(self) -> dict[str, Any]:
         """Colour by engine, dashes by preset."""
-        others = _OTHERS[sum(map(ord, self.engine)) % len(_OTHERS)]
-        dash = "solid" if self.preset == "tuned" else "dot"
-        return {"color": _COLOURS.get(self.engine, others), "dash": dash, "width": 1.6}
+        return run_style(self.engine, self.preset)
 
 
 def lines(solution: Solution, trajectories: dict[str, Trajectory], end: float) -> list[Line]:
@@ -101,7 +97,7 @@ def paths(solution: Solution, runs: list[Line], end: float) -> go.Figure:
         if name not in reference.markers:
             continue
         x, y = reference.marker(name).position.T
-        figure.add_scatter(x=x, y=y, name=f"{name}, reference", line={"color": _COLOURS["reference"], "width": 4})
+        figure.add_scatter(x=x, y=y, name=f"{name}, reference", line={"color": ENGINE_COLOURS["reference"], "width": 4})
         for run in runs:
             x, y = _strided(*run.trajectory.marker(name).position.T)
             shown = name == "projectile"
@@ -125,7 +121,7 @@ def over_time(
     )
     reference = solution.trajectory(np.linspace(0.0, end, _POINTS))
     for column, quantity in enumerate(quantities.values(), start=1):
-        grey = {"color": _COLOURS["reference"], "width": 4}
+        grey = {"color": ENGINE_COLOURS["reference"], "width": 4}
         figure.add_scatter(
             x=reference.t, y=quantity(reference), name="reference", line=grey, showlegend=column == 1, row=1, col=column
         )

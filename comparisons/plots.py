@@ -11,6 +11,17 @@ from ..models.arrays import FloatArray
 from ..models.kinematics import Kinematics
 from ..models.mechanism import Mechanism
 
+ENGINE_COLOURS = {"reference": "#444444", "mujoco": "#1f77b4", "pymunk": "#d9730d", "exudyn": "#2a9d5c"}
+"""The same on every page."""
+PLUG_IN_COLOURS = ("#9467bd", "#8c564b", "#e377c2", "#17becf")
+"""Of engines that are not among them."""
+
+
+def run_style(engine: str, preset: str) -> dict[str, Any]:
+    """Colour by engine, dashes by preset."""
+    other = PLUG_IN_COLOURS[sum(map(ord, engine)) % len(PLUG_IN_COLOURS)]
+    return {"color": ENGINE_COLOURS.get(engine, other), "dash": "solid" if preset == "tuned" else "dot", "width": 1.6}
+
 
 def embedded(plot: go.Figure) -> str:
     """A figure as HTML that needs plotly.js on its page."""

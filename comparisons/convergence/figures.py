@@ -9,20 +9,12 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from ..plots import finish
+from ..plots import finish, run_style
 from .results import QuantityName, Study
 from .shown import exponent
 
 _QUANTITIES: tuple[QuantityName, ...] = ("position", "torque")
 _MARKS = {"tuned": "circle", "stock": "square-open"}
-_COLOURS = {"mujoco": "#1f77b4", "pymunk": "#d9730d", "exudyn": "#2a9d5c"}  # as in the report of a comparison
-_OTHERS = ("#9467bd", "#8c564b", "#e377c2", "#17becf")
-
-
-def run_style(engine: str, preset: str) -> dict[str, Any]:
-    """Colour by engine, dashes by preset."""
-    other = _OTHERS[sum(map(ord, engine)) % len(_OTHERS)]
-    return {"color": _COLOURS.get(engine, other), "dash": "solid" if preset == "tuned" else "dot", "width": 1.6}
 
 
 def convergence(studies: Sequence[Study]) -> go.Figure:

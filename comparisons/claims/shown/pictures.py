@@ -10,10 +10,9 @@ from typing import Any
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from ...plots import finish
+from ...plots import ENGINE_COLOURS, finish
 from ..results import Series
 
-_COLOURS = {"mujoco": "#1f77b4", "pymunk": "#d9730d", "exudyn": "#2a9d5c"}  # as in the report of a comparison
 _OURS, _PLUG_IN = "#444444", "#17becf"
 _PRINTED, _GRID, _OTHER = "#c0392b", "#9467bd", "#b08d57"
 _SYMBOLS = ("circle-open", "square-open", "diamond-open", "triangle-up-open", "star-open")
@@ -93,7 +92,7 @@ def _style(series: Series) -> dict[str, Any]:
             else {"mode": "markers", "marker": mark}
         )
     if series.kind == "points":
-        colour = _COLOURS.get(series.engine, _PLUG_IN) if series.engine else _GRID
+        colour = ENGINE_COLOURS.get(series.engine, _PLUG_IN) if series.engine else _GRID
         number = sum(map(ord, series.name)) % len(_SYMBOLS)
         return {"mode": "markers", "marker": {"color": colour, "symbol": _SYMBOLS[number], "size": 9}}
     if series.name == "reference" or series.name.startswith("rests that can"):
