@@ -15,13 +15,12 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from .version import __version__
 
 if TYPE_CHECKING:
-    from .comparisons.campaign import compare
+    from .comparisons.compare.study import compare
     from .engines.protocol import Capabilities, Engine
     from .engines.registry import engine, engines
-    from .models.catapult import CatapultParameters, catapult
     from .models.errors import (
         EngineNotInstalledError,
         InputError,
@@ -29,15 +28,16 @@ if TYPE_CHECKING:
         TrebucheckError,
         UnsupportedProblemError,
     )
-    from .models.floating_arm import FloatingArmParameters, floating_arm
-    from .models.hinged import HingedParameters, hinged
     from .models.launch import Launch
+    from .models.machines.catapult import CatapultParameters, catapult
+    from .models.machines.floating_arm import FloatingArmParameters, floating_arm
+    from .models.machines.hinged import HingedParameters, hinged
+    from .models.machines.parameters import TrebuchetParameters
+    from .models.machines.trebuchet import fixed, rolling
     from .models.mechanism import Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint, Stop
-    from .models.parameters import TrebuchetParameters
     from .models.problem import Problem, StopLaw
     from .models.trajectory import Trajectory
-    from .models.trebuchet import fixed, rolling
-    from .reference.throw import throw
+    from .reference.throw.throw import throw
 
 __all__ = [
     "Body",
@@ -77,21 +77,21 @@ __all__ = [
 _ERRORS = ("EngineNotInstalledError", "InputError", "SimulationError", "TrebucheckError", "UnsupportedProblemError")
 # Loaded when first asked for (PEP 562): `import trebucheck` stays quick and free of engines.
 _HOMES = {
-    "compare": "comparisons.campaign",
+    "compare": "comparisons.compare.study",
     "Capabilities": "engines.protocol",
     "Engine": "engines.protocol",
     "engine": "engines.registry",
     "Launch": "models.launch",
-    "TrebuchetParameters": "models.parameters",
+    "TrebuchetParameters": "models.machines.parameters",
     "Problem": "models.problem",
     "StopLaw": "models.problem",
     "Trajectory": "models.trajectory",
-    "throw": "reference.throw",
-    "fixed": "models.trebuchet",
-    "rolling": "models.trebuchet",
-    **dict.fromkeys(("CatapultParameters", "catapult"), "models.catapult"),
-    **dict.fromkeys(("HingedParameters", "hinged"), "models.hinged"),
-    **dict.fromkeys(("FloatingArmParameters", "floating_arm"), "models.floating_arm"),
+    "throw": "reference.throw.throw",
+    "fixed": "models.machines.trebuchet",
+    "rolling": "models.machines.trebuchet",
+    **dict.fromkeys(("CatapultParameters", "catapult"), "models.machines.catapult"),
+    **dict.fromkeys(("HingedParameters", "hinged"), "models.machines.hinged"),
+    **dict.fromkeys(("FloatingArmParameters", "floating_arm"), "models.machines.floating_arm"),
     **dict.fromkeys(_ERRORS, "models.errors"),
     **dict.fromkeys(("Body", "Marker", "Mechanism", "PinJoint", "PointStop", "SlotJoint", "Stop"), "models.mechanism"),
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .comparisons.cli.app import main
+from .cli.app import main
 
 __all__ = ["main"]
 

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 import trebucheck as tb
 from trebucheck.reference.solver import solve
-from trebucheck.reference.taylor import launch_batch, taylor_figures, taylor_launch
+from trebucheck.reference.taylor.solve import launch_batch, taylor_figures, taylor_launch
 
 RUNS, BATCH, TOLERANCE, DURATION = 15, 1000, 1e-12, 4.0
 BUILDS = {"fixed": tb.fixed, "rolling": tb.rolling}

@@ -12,18 +12,18 @@ import numpy as np
 import plotly.graph_objects as go
 import trebucheck as tb
 from plotly.subplots import make_subplots
-from trebucheck.comparisons import figures
-from trebucheck.comparisons.advice import Advice
-from trebucheck.comparisons.budget.results import Explanation
-from trebucheck.comparisons.campaign import Comparison
-from trebucheck.comparisons.claims.results import Study
-from trebucheck.comparisons.claims.shown.markdown import summary
-from trebucheck.comparisons.claims.study import study
-from trebucheck.comparisons.convergence.results import Studies
-from trebucheck.comparisons.results import Results
-from trebucheck.comparisons.summary import COLUMNS, step
-from trebucheck.models.registry import models
+from trebucheck.comparisons.compare import plots as figures
+from trebucheck.comparisons.compare.study import Comparison
+from trebucheck.comparisons.compare.summary import COLUMNS, step
+from trebucheck.comparisons.converge.results import Studies
+from trebucheck.comparisons.explain.results import Explanation
+from trebucheck.comparisons.recommend import Advice
+from trebucheck.comparisons.runs.results import Results
+from trebucheck.models.machines.registry import models
 from trebucheck.models.schema import mechanism_schema, schema_text
+from trebucheck.paper.report.markdown import summary
+from trebucheck.paper.results import Study
+from trebucheck.paper.study import study
 
 ROOT = Path(__file__).parents[1]
 OTHERS = tuple(name for name in models() if name not in ("fixed", "rolling"))
@@ -72,7 +72,7 @@ def write_schemas() -> None:
     (ROOT / "comparisons" / "schemas" / "results.schema.json").write_text(schema_text(Results))
     (ROOT / "comparisons" / "schemas" / "converge.schema.json").write_text(schema_text(Studies))
     (ROOT / "comparisons" / "schemas" / "explain.schema.json").write_text(schema_text(Explanation))
-    (ROOT / "comparisons" / "schemas" / "paper.schema.json").write_text(schema_text(Study))
+    (ROOT / "paper" / "schemas" / "paper.schema.json").write_text(schema_text(Study))
     (ROOT / "comparisons" / "schemas" / "recommend.schema.json").write_text(schema_text(Advice))
 
 

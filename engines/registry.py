@@ -16,10 +16,10 @@ PLUGIN_GROUP = "trebucheck.engines"
 """Entry-point group in which another package announces an engine class."""
 
 _BUILTIN = {
-    "reference": ("reference_", "ReferenceEngine"),
-    "mujoco": ("mujoco_", "MujocoEngine"),
-    "pymunk": ("pymunk_", "PymunkEngine"),
-    "exudyn": ("exudyn_", "ExudynEngine"),
+    "reference": ("reference.engine", "ReferenceEngine"),
+    "mujoco": ("mujoco.engine", "MujocoEngine"),
+    "pymunk": ("pymunk.engine", "PymunkEngine"),
+    "exudyn": ("exudyn.engine", "ExudynEngine"),
 }
 
 

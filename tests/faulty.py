@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from scipy.optimize import brentq
-from trebucheck.comparisons import campaign
-from trebucheck.comparisons.results import Outcome, Run
+from trebucheck.comparisons.compare import study as campaign
+from trebucheck.comparisons.runs.results import Outcome, Run
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.models.kinematics import Kinematics
-from trebucheck.reference.altered import WithoutCentrifugal, solve_scheduled
 from trebucheck.reference.equations import Equations
+from trebucheck.reference.perturbed import WithoutCentrifugal, solve_scheduled
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
@@ -206,7 +206,7 @@ def released_as_if_alone(problem: tb.Problem) -> Solution:
 
 def rounded_text(monkeypatch: pytest.MonkeyPatch, change: Callable[[str], str]) -> None:
     """MuJoCo is given another text of its model."""
-    from trebucheck.engines import _mujoco_model
+    from trebucheck.engines.mujoco import build as _mujoco_model
 
     right = _mujoco_model.mjcf
     monkeypatch.setattr(_mujoco_model, "mjcf", lambda *arguments: change(right(*arguments)))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import functools
 
 import numpy as np
+from trebucheck.models.machines.trebuchet import PROJECTILE, fixed, rolling
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.models.trajectory import Trajectory
-from trebucheck.models.trebuchet import PROJECTILE, fixed, rolling
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 

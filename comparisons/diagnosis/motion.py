@@ -15,15 +15,15 @@ from ...models.errors import TrebucheckError
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.trajectory import Trajectory
-from ...reference.altered import WithoutCentrifugal, solve_scheduled
+from ...reference.perturbed import WithoutCentrifugal, solve_scheduled
 from ...reference.solution import Solution
 from ...reference.solver import solve
-from ..budget.causes import causes_of, described
-from ..metrics import against
-from ..results import Cause, Diagnosis, Run
+from ..explain.causes import causes_of, described
+from ..runs.metrics import against
+from ..runs.results import Cause, Diagnosis, Run
 from .fit import Match, match
-from .parting import parting
-from .placing import looped
+from .initialisation import looped
+from .onset import parting
 from .readings import readings, thinned
 from .signatures import Channels, weights
 from .suspects import Suspect, machine_suspects, more_wrong

@@ -10,7 +10,7 @@ import numpy as np
 from ...models.arrays import IndexArray
 from ...models.trajectory import PointMotion, Trajectory
 from ...reference.solution import Solution
-from ..summary import push
+from ..compare.summary import push
 
 _SMALL = 1e-6
 _INSTANT = 1e-6  # [s]

@@ -12,11 +12,11 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ...models.machines.parameters import TrebuchetParameters
+from ...models.machines.registry import model
+from ...models.machines.trebuchet import parameters_of
 from ...models.mechanism import Mechanism, PinJoint, SlotJoint
-from ...models.parameters import TrebuchetParameters
-from ...models.registry import model
-from ...models.trebuchet import parameters_of
-from .placing import built
+from .initialisation import built
 
 Kind = Literal["machine", "start", "law", "reading", "settings"]
 _SMALL = 1e-6  # relative, or [rad] or [m]: well above rounding and linear

@@ -11,12 +11,12 @@ import jsonschema
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.advice import Advice, Asked, recommend
-from trebucheck.comparisons.advice.candidates import option_sets
-from trebucheck.comparisons.advice.search import Place
-from trebucheck.comparisons.advice.snippets import EXUDYN_PYTHON, MJCF, MUJOCO_PYTHON, PYMUNK_PYTHON, snippets
-from trebucheck.comparisons.trials import Trials
-from trebucheck.models.mjcf_writer import mjcf, torque_sensor
+from trebucheck.comparisons.recommend import Advice, Asked, recommend
+from trebucheck.comparisons.recommend.candidates import option_sets
+from trebucheck.comparisons.recommend.search import Place
+from trebucheck.comparisons.recommend.snippets import EXUDYN_PYTHON, MJCF, MUJOCO_PYTHON, PYMUNK_PYTHON, snippets
+from trebucheck.comparisons.runs.trials import Trials
+from trebucheck.models.mjcf.writer import mjcf, torque_sensor
 from trebucheck.models.schema import schema_text
 
 BUILDERS = {"fixed": tb.fixed, "rolling": tb.rolling}
@@ -105,7 +105,7 @@ def _texts(name: str, label: str, mechanism: tb.Mechanism, step: float) -> dict[
 @pytest.mark.parametrize("label", [options.name for options in option_sets("mujoco")])
 def test_the_mjcf_loads_and_says_what_the_engine_does(label: str) -> None:
     mujoco: Any = pytest.importorskip("mujoco")
-    from trebucheck.engines._mujoco_model import load
+    from trebucheck.engines.mujoco.build import load
 
     text = mjcf(tb.rolling(), 1e-2)  # of another step, and so of other softness
     pasted = text.replace("</mujoco>", _texts("mujoco", label, tb.rolling(), 2e-3)[MJCF] + "\n</mujoco>")
@@ -142,7 +142,7 @@ def test_the_mujoco_lines_move_the_machine_as_the_engine_does(label: str) -> Non
 @pytest.mark.parametrize("label", ["leapfrog", "held lengths"])
 def test_the_pymunk_lines_move_the_machine_as_the_engine_does(label: str) -> None:
     pytest.importorskip("pymunk")
-    from trebucheck.engines._pymunk_build import build
+    from trebucheck.engines.pymunk.build import build
 
     step, mechanism = 1e-3, tb.fixed()
     engine: Any = _options("pymunk", label).engine("pymunk", step)
@@ -159,8 +159,8 @@ def test_the_pymunk_lines_move_the_machine_as_the_engine_does(label: str) -> Non
 @pytest.mark.parametrize("label", [options.name for options in option_sets("exudyn")])
 def test_the_exudyn_lines_are_the_engines_settings(label: str) -> None:
     pytest.importorskip("exudyn")
-    from trebucheck.engines._exudyn_build import build, silence
-    from trebucheck.engines._exudyn_solver import Solver
+    from trebucheck.engines.exudyn.build import build, silence
+    from trebucheck.engines.exudyn.solver import Solver
 
     step, mechanism = 2e-3, tb.fixed()
     scope: dict[str, Any] = {}
@@ -182,7 +182,7 @@ def test_the_exudyn_lines_are_the_engines_settings(label: str) -> None:
 @pytest.mark.parametrize("label", ["index 2"])
 def test_the_exudyn_lines_release_the_stops(label: str) -> None:
     pytest.importorskip("exudyn")
-    from trebucheck.engines._exudyn_build import build, silence
+    from trebucheck.engines.exudyn.build import build, silence
 
     step, mechanism = 2e-3, tb.fixed()
     scope: dict[str, Any] = {}

@@ -10,11 +10,11 @@ import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from trebucheck.comparisons.campaign import Comparison
-from trebucheck.comparisons.results import Outcome, Run
-from trebucheck.comparisons.summary import complaints
-from trebucheck.comparisons.tolerances import BARS
-from trebucheck.models.registry import models
+from trebucheck.comparisons.compare.study import Comparison
+from trebucheck.comparisons.compare.summary import complaints
+from trebucheck.comparisons.runs.results import Outcome, Run
+from trebucheck.comparisons.runs.tolerances import BARS
+from trebucheck.models.machines.registry import models
 
 PRESETS = ("tuned", "stock")
 MODELS = ("fixed", "rolling")

@@ -9,17 +9,17 @@ import math
 
 import numpy as np
 import pytest
-from trebucheck.comparisons.budget import causes_of
-from trebucheck.comparisons.budget.measure import budget
-from trebucheck.comparisons.budget.results import Budget, Share
-from trebucheck.comparisons.budget.variants import with_filtered_torques, with_options
-from trebucheck.comparisons.trials import Trials
-from trebucheck.engines.mujoco_ import MujocoEngine
+from trebucheck.comparisons.explain import causes_of
+from trebucheck.comparisons.explain.measure import budget
+from trebucheck.comparisons.explain.results import Budget, Share
+from trebucheck.comparisons.explain.variants import with_filtered_torques, with_options
+from trebucheck.comparisons.runs.trials import Trials
+from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.registry import engine, engine_class
+from trebucheck.models.machines.parameters import TrebuchetParameters
+from trebucheck.models.machines.trebuchet import HANGER_REST, fixed, rolling
 from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.parameters import TrebuchetParameters
 from trebucheck.models.problem import Problem
-from trebucheck.models.trebuchet import HANGER_REST, fixed, rolling
 
 EXPLAINED = 0.9  # the stated need
 _STEPS = {"mujoco": 4e-3, "pymunk": 4e-3, "exudyn": 4e-3}

@@ -7,22 +7,22 @@ import functools
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.claims.curves import series
-from trebucheck.comparisons.claims.evidence import Evidence
-from trebucheck.comparisons.claims.results import Claim, Verdict
-from trebucheck.comparisons.claims.rows import equations as rows_equations
-from trebucheck.comparisons.claims.rows import machine as rows_machine
-from trebucheck.comparisons.claims.rows import release as rows_release
-from trebucheck.comparisons.claims.rows import rolling as rows_rolling
-from trebucheck.comparisons.claims.rows import torques as rows_torques
-from trebucheck.comparisons.claims.study import MACHINES
-from trebucheck.comparisons.claims.throws.headline import SIDEWAYS, read
-from trebucheck.comparisons.claims.throws.sampled import SampledMotion
-from trebucheck.comparisons.claims.throws.throws import throw_by_all
-from trebucheck.comparisons.isolation import Worker
+from trebucheck.comparisons.runs.worker import Worker
 from trebucheck.engines.registry import engine_class, engine_names
-from trebucheck.reference.certificate import load_certificate
-from trebucheck.reference.certify import MinimalMotion
+from trebucheck.paper.curves import series
+from trebucheck.paper.evidence import Evidence
+from trebucheck.paper.results import Claim, Verdict
+from trebucheck.paper.rows import equations as rows_equations
+from trebucheck.paper.rows import machine as rows_machine
+from trebucheck.paper.rows import release as rows_release
+from trebucheck.paper.rows import rolling as rows_rolling
+from trebucheck.paper.rows import torques as rows_torques
+from trebucheck.paper.study import MACHINES
+from trebucheck.paper.throws.headline import SIDEWAYS, read
+from trebucheck.paper.throws.sampled import SampledMotion
+from trebucheck.paper.throws.throws import throw_by_all
+from trebucheck.reference.certification.certificate import load_certificate
+from trebucheck.reference.certification.certify import MinimalMotion
 from trebucheck.reference.solver import solve
 
 pytestmark = pytest.mark.slow  # both machines by every engine, once for all of these tests
@@ -163,9 +163,9 @@ def test_the_arm_stop_acts_only_after_the_launch() -> None:
 
 
 def test_an_absent_engine_is_a_note() -> None:
-    from trebucheck.comparisons.claims.evidence import Row
-    from trebucheck.comparisons.claims.throws.throws import EngineThrow, MachineThrow
-    from trebucheck.comparisons.claims.verdicts import as_printed
+    from trebucheck.paper.evidence import Row
+    from trebucheck.paper.throws.throws import EngineThrow, MachineThrow
+    from trebucheck.paper.verdicts import as_printed
 
     throw = evidence().throws["fixed"]
     fields = {name: getattr(throw, name) for name in MachineThrow.__dataclass_fields__}

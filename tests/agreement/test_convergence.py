@@ -7,10 +7,10 @@ from functools import cache
 
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.convergence import study as studying
-from trebucheck.comparisons.convergence.knobs import Knob, knobs
-from trebucheck.comparisons.convergence.results import MachineStudies, Study
-from trebucheck.comparisons.convergence.study import converge
+from trebucheck.comparisons.converge import study as studying
+from trebucheck.comparisons.converge.parameters import Knob, knobs
+from trebucheck.comparisons.converge.results import MachineStudies, Study
+from trebucheck.comparisons.converge.study import converge
 
 pytestmark = pytest.mark.slow
 BUILD = {"fixed": tb.fixed, "rolling": tb.rolling}

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from trebucheck.engines.exudyn_ import ExudynEngine
+from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
+from trebucheck.models.machines.parameters import TrebuchetParameters
+from trebucheck.models.machines.trebuchet import HANGER_REST, PROJECTILE, SLING_REST, fixed, rolling
 from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, SlotJoint, Stop
-from trebucheck.models.parameters import TrebuchetParameters
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.trajectory import Trajectory
-from trebucheck.models.trebuchet import HANGER_REST, PROJECTILE, SLING_REST, fixed, rolling
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 from table_one import MACHINES
-from trebucheck.comparisons.states import random_states
-from trebucheck.engines.exudyn_ import ExudynEngine
+from trebucheck.comparisons.equivalence.random_states import random_states
+from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import InputError, SimulationError
+from trebucheck.models.machines.trebuchet import HANGER_REST, SLING_REST, fixed
 from trebucheck.models.mechanism import Body, Mechanism, SlotJoint, Stop
-from trebucheck.models.trebuchet import HANGER_REST, SLING_REST, fixed
 from trebucheck.reference.equations import Equations
 
 pytest.importorskip("exudyn")
@@ -115,7 +115,7 @@ FAULTS: dict[str, Callable[[Any], None]] = {
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("name", MACHINES)
 def test_a_fault_in_the_system_shows(name: str, fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    from trebucheck.engines import _exudyn_inspect as module
+    from trebucheck.engines.exudyn import inspect as module
 
     rightly = module.build
 

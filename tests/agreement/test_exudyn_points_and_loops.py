@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from table_one import error
-from trebucheck.comparisons.equality import equality
-from trebucheck.engines.exudyn_ import ExudynEngine
-from trebucheck.models.catapult import CatapultParameters, catapult
+from trebucheck.comparisons.equivalence.checks import equality
+from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
-from trebucheck.models.floating_arm import FloatingArmParameters, floating_arm
-from trebucheck.models.hinged import HingedParameters, hinged
 from trebucheck.models.kinematics import Kinematics
+from trebucheck.models.machines.catapult import CatapultParameters, catapult
+from trebucheck.models.machines.floating_arm import FloatingArmParameters, floating_arm
+from trebucheck.models.machines.hinged import HingedParameters, hinged
+from trebucheck.models.machines.trebuchet import ARM_STOP, fixed
 from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.trajectory import Trajectory
-from trebucheck.models.trebuchet import ARM_STOP, fixed
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve, solve_to_launch
 
@@ -407,7 +407,7 @@ def test_what_cannot_be_is_refused() -> None:
 
 
 def test_impacts_without_end_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    from trebucheck.engines import _exudyn_unilateral as module
+    from trebucheck.engines.exudyn import unilateral as module
 
     monkeypatch.setattr(module, "_MOST_IMPACTS", 3)
     problem = Problem(bob_over_floor(1.0), 4.0, stop_law=StopLaw.UNILATERAL)
@@ -437,7 +437,7 @@ FAULTS: dict[str, Callable[[Any], None]] = {
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("name", ["hinged", "floating-arm"])
 def test_a_fault_in_a_wall_shows(name: str, fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    from trebucheck.engines import _exudyn_inspect as module
+    from trebucheck.engines.exudyn import inspect as module
 
     rightly = module.build
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy import stats
 from table_one import MACHINES, error, reference
-from trebucheck.engines.exudyn_ import ExudynEngine
+from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.models.errors import InputError
+from trebucheck.models.machines.parameters import TrebuchetParameters
+from trebucheck.models.machines.trebuchet import HANGER_REST, SLING_REST, fixed, rolling
 from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.parameters import TrebuchetParameters
 from trebucheck.models.problem import Problem
-from trebucheck.models.trebuchet import HANGER_REST, SLING_REST, fixed, rolling
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve, solve_to_launch
 

@@ -13,12 +13,12 @@ import pytest
 import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given
-from trebucheck.comparisons.states import random_states
+from trebucheck.comparisons.equivalence.random_states import random_states
 from trebucheck.engines.inspection import Inspectable, Inspection, State
 from trebucheck.models.errors import SimulationError, UnsupportedProblemError
+from trebucheck.models.machines.trebuchet import HANGER_REST, SLING_REST
 from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, SlotJoint, Stop
-from trebucheck.models.mjcf_writer import mjcf
-from trebucheck.models.trebuchet import HANGER_REST, SLING_REST
+from trebucheck.models.mjcf.writer import mjcf
 from trebucheck.reference.equations import Equations
 
 EXACT = 1e-10  # relative; the bar where an engine exposes a quantity
@@ -310,7 +310,7 @@ def test_a_fault_in_the_mjcf_shows(
     fault: str, build: Callable[..., Mechanism], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("mujoco")
-    from trebucheck.engines import _mujoco_model as module
+    from trebucheck.engines.mujoco import build as module
 
     right = mjcf(build())
     assert MJCF_FAULTS[fault](right) != right
@@ -354,7 +354,7 @@ def test_a_fault_in_the_space_shows(
     fault: str, build: Callable[..., Mechanism], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("pymunk")
-    from trebucheck.engines import _pymunk_inspect as module
+    from trebucheck.engines.pymunk import inspect as module
 
     rightly = module.build
 

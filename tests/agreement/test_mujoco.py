@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 from table_one import MACHINES, error, reference
-from trebucheck.engines.mujoco_ import MujocoEngine
-from trebucheck.engines.reference_ import ReferenceEngine
+from trebucheck.engines.mujoco.engine import MujocoEngine
+from trebucheck.engines.reference.engine import ReferenceEngine
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
+from trebucheck.models.machines.parameters import TrebuchetParameters
+from trebucheck.models.machines.trebuchet import ARM_STOP, HANGER_REST, PROJECTILE, SLING_REST, fixed, rolling
 from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, SlotJoint, Stop
-from trebucheck.models.mjcf_writer import mjcf
-from trebucheck.models.parameters import TrebuchetParameters
+from trebucheck.models.mjcf.writer import mjcf
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.trajectory import Trajectory
-from trebucheck.models.trebuchet import ARM_STOP, HANGER_REST, PROJECTILE, SLING_REST, fixed, rolling
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
 

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from trebucheck.comparisons.equality import EXACT, equality
-from trebucheck.engines.mujoco_ import MujocoEngine
-from trebucheck.models.catapult import catapult
+from trebucheck.comparisons.equivalence.checks import EXACT, equality
+from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.models.errors import UnsupportedProblemError
-from trebucheck.models.floating_arm import FloatingArmParameters, floating_arm
-from trebucheck.models.hinged import HingedParameters, hinged
+from trebucheck.models.machines.catapult import catapult
+from trebucheck.models.machines.floating_arm import FloatingArmParameters, floating_arm
+from trebucheck.models.machines.hinged import HingedParameters, hinged
 from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.trajectory import Trajectory
@@ -222,7 +222,7 @@ def test_the_gate(mechanism: Mechanism, preset: str) -> None:
 
 def test_the_gate_feels_where_a_wall_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """A tenth of a millimetre: what holds the sling then stands off its trough."""
-    from trebucheck.engines import _mujoco_model as module
+    from trebucheck.engines.mujoco import build as module
 
     right = module.mjcf
 
@@ -380,7 +380,7 @@ def test_forces_are_right_from_the_start(name: str) -> None:
 
 
 def test_the_callback_is_given_back() -> None:
-    from trebucheck.engines._mujoco_model import bias_of, load
+    from trebucheck.engines.mujoco.build import bias_of, load
 
     def mine(*_: object) -> None: ...
 

@@ -9,14 +9,22 @@ import sys
 import numpy as np
 import pytest
 from table_one import MACHINES, error, reference
-from trebucheck.engines.pymunk_ import PymunkEngine
+from trebucheck.engines.pymunk.engine import PymunkEngine
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics
+from trebucheck.models.machines.parameters import TrebuchetParameters
+from trebucheck.models.machines.trebuchet import (
+    COUNTERWEIGHT,
+    FULCRUM,
+    HANGER_REST,
+    PROJECTILE,
+    SLING_REST,
+    fixed,
+    rolling,
+)
 from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, SlotJoint, Stop
-from trebucheck.models.parameters import TrebuchetParameters
 from trebucheck.models.problem import Problem
 from trebucheck.models.trajectory import Trajectory
-from trebucheck.models.trebuchet import COUNTERWEIGHT, FULCRUM, HANGER_REST, PROJECTILE, SLING_REST, fixed, rolling
 from trebucheck.reference.solver import solve
 
 pytest.importorskip("pymunk")

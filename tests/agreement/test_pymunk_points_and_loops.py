@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from trebucheck.comparisons.equality import equality
-from trebucheck.comparisons.states import random_states
-from trebucheck.engines.pymunk_ import PymunkEngine
-from trebucheck.models.catapult import CatapultParameters, catapult
+from trebucheck.comparisons.equivalence.checks import equality
+from trebucheck.comparisons.equivalence.random_states import random_states
+from trebucheck.engines.pymunk.engine import PymunkEngine
 from trebucheck.models.errors import UnsupportedProblemError
-from trebucheck.models.floating_arm import FloatingArmParameters, floating_arm
-from trebucheck.models.hinged import HingedParameters, hinged
 from trebucheck.models.kinematics import Kinematics
+from trebucheck.models.machines.catapult import CatapultParameters, catapult
+from trebucheck.models.machines.floating_arm import FloatingArmParameters, floating_arm
+from trebucheck.models.machines.hinged import HingedParameters, hinged
 from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.problem import Problem
 from trebucheck.models.trajectory import Trajectory
@@ -343,7 +343,7 @@ def _heavier(machine: Any) -> None:
 
 @pytest.mark.parametrize(("fault", "shows"), [(_further, "stop position"), (_heavier, "mass matrix")])
 def test_a_fault_in_the_space_shows(fault: Callable[[Any], None], shows: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    from trebucheck.engines import _pymunk_inspect as module
+    from trebucheck.engines.pymunk import inspect as module
 
     rightly = module.build
 

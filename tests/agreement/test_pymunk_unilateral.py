@@ -8,12 +8,12 @@ import math
 
 import numpy as np
 import pytest
-from trebucheck.engines.pymunk_ import PymunkEngine
+from trebucheck.engines.pymunk.engine import PymunkEngine
 from trebucheck.models.errors import UnsupportedProblemError
+from trebucheck.models.machines.trebuchet import ARM_STOP, fixed, rolling
 from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, PointStop, Stop
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.trajectory import Trajectory
-from trebucheck.models.trebuchet import ARM_STOP, fixed, rolling
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 

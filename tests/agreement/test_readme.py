@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.claims.shown.markdown import summary
-from trebucheck.comparisons.claims.study import study
-from trebucheck.comparisons.summary import COLUMNS
-from trebucheck.models.registry import models
-from trebucheck.reference.certificate import load_certificate
+from trebucheck.comparisons.compare.summary import COLUMNS
+from trebucheck.models.machines.registry import models
+from trebucheck.paper.report.markdown import summary
+from trebucheck.paper.study import study
+from trebucheck.reference.certification.certificate import load_certificate
 
 README = Path(__file__).parents[2] / "README.md"
 # Two printed digits, and figures near rounding (MuJoCo's, Exudyn's torques) move with the build of the engine.

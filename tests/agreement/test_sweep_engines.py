@@ -6,13 +6,13 @@ from functools import cache
 
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.claims.design.engines import FIGURES, confirmed
-from trebucheck.comparisons.claims.design.first_sweep import FirstSweep, first_sweep
-from trebucheck.comparisons.claims.results import EngineValue
-from trebucheck.comparisons.claims.sweep.beam import Beam
-from trebucheck.comparisons.claims.sweep.engines import allowed, launches
-from trebucheck.reference.release import Projectile
+from trebucheck.paper.design.engines import FIGURES, confirmed
+from trebucheck.paper.design.first_forward_swing import FirstSweep, first_sweep
+from trebucheck.paper.results import EngineValue
+from trebucheck.paper.sweep.beam import Beam
+from trebucheck.paper.sweep.engines import allowed, launches
 from trebucheck.reference.solver import solve, solve_to_launch
+from trebucheck.reference.throw.release import Projectile
 
 BEAM = Beam(tb.TrebuchetParameters(), 14.0, 8.5, 13.0)
 COINCIDING = tb.TrebuchetParameters.with_beam(11.4167054, r=3.8435824, h=11.6150873)

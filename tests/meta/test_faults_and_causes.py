@@ -12,9 +12,9 @@ import faulty
 import numpy as np
 import pytest
 from faulty import TABLE_ONE, Fault, body, parameters, run_with, without
+from trebucheck.comparisons.compare.summary import diagnosis
 from trebucheck.comparisons.diagnosis import motion
-from trebucheck.comparisons.results import Outcome
-from trebucheck.comparisons.summary import diagnosis
+from trebucheck.comparisons.runs.results import Outcome
 
 GATE, MOTION = Outcome.UNEQUAL, Outcome.BROKEN
 

@@ -9,9 +9,9 @@ from functools import cache
 import faulty
 import pytest
 from faulty import Fault, run_with, tilted_slot, tilted_wall, without, without_joint
+from trebucheck.comparisons.compare.summary import diagnosis
 from trebucheck.comparisons.diagnosis import motion
-from trebucheck.comparisons.results import Outcome
-from trebucheck.comparisons.summary import diagnosis
+from trebucheck.comparisons.runs.results import Outcome
 
 GATE, MOTION = Outcome.UNEQUAL, Outcome.BROKEN
 MILLIMETRE = MILLIRADIAN = 1e-3
@@ -35,14 +35,14 @@ def _ball_aside(text: str) -> str:
 
 def _still_foot(monkeypatch: pytest.MonkeyPatch) -> None:
     """pymunk's wall is a rod, whose foot then stays where it was."""
-    from trebucheck.engines import _pymunk_step
+    from trebucheck.engines.pymunk import step as _pymunk_step
 
     monkeypatch.setattr(_pymunk_step._HeldRod, "move_foot", lambda *_: None)
 
 
 def _body_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     """Exudyn's forces of walls, which come in the body's frame, taken for the world's."""
-    from trebucheck.engines import _exudyn_build
+    from trebucheck.engines.exudyn import build as _exudyn_build
 
     monkeypatch.setattr(_exudyn_build, "turned", lambda local, _: local[:, :2])
 

@@ -13,9 +13,9 @@ import numpy as np
 import plugins
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.metrics import measure
-from trebucheck.comparisons.results import Machine, Metric, Outcome, Run
-from trebucheck.comparisons.tolerances import judge
+from trebucheck.comparisons.runs.metrics import measure
+from trebucheck.comparisons.runs.results import Machine, Metric, Outcome, Run
+from trebucheck.comparisons.runs.tolerances import judge
 from trebucheck.reference.solver import solve
 
 P = tb.TrebuchetParameters

@@ -17,14 +17,15 @@ import jsonschema
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
-from trebucheck.comparisons.advice import Advice, Asked, family, obstacles, recommend
-from trebucheck.comparisons.advice.asked import read_torque
-from trebucheck.comparisons.advice.candidates import RUNGS, OptionSet, ladder, option_sets
-from trebucheck.comparisons.advice.results import Obstacle
-from trebucheck.comparisons.advice.search import SCREENED_AT, Follower, Place
-from trebucheck.comparisons.advice.snippets import MJCF, MUJOCO_PYTHON, PYTHON, snippets
-from trebucheck.comparisons.deviation import Deviation
-from trebucheck.comparisons.trials import Trial, Trials, settings_of
+from trebucheck.comparisons.recommend import Advice, Asked, obstacles, recommend
+from trebucheck.comparisons.recommend import neighbours as family
+from trebucheck.comparisons.recommend.candidates import RUNGS, OptionSet, ladder, option_sets
+from trebucheck.comparisons.recommend.results import Obstacle
+from trebucheck.comparisons.recommend.search import SCREENED_AT, Follower, Place
+from trebucheck.comparisons.recommend.snippets import MJCF, MUJOCO_PYTHON, PYTHON, snippets
+from trebucheck.comparisons.recommend.target import read_torque
+from trebucheck.comparisons.runs.deviation import Deviation
+from trebucheck.comparisons.runs.trials import Trial, Trials, settings_of
 from trebucheck.models.schema import schema_text
 
 ENGINES = ("mujoco", "pymunk", "exudyn")
@@ -318,7 +319,7 @@ def test_the_schema_is_the_published_one() -> None:
 
 
 def test_an_engine_that_is_not_here_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
-    from trebucheck.engines.exudyn_ import ExudynEngine
+    from trebucheck.engines.exudyn.engine import ExudynEngine
 
     monkeypatch.setattr(ExudynEngine, "is_installed", classmethod(lambda _: False))
     advice = recommend("fixed", Asked(position=1e-3), ["exudyn"], neighbours=0, isolate=False)
@@ -330,7 +331,7 @@ def test_an_engine_that_is_not_here_is_a_row(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_the_command_takes_as_many_neighbours_as_the_function() -> None:
-    from trebucheck.comparisons.advice import recommending
-    from trebucheck.comparisons.cli import recommending as command
+    from trebucheck.cli import recommend as command
+    from trebucheck.comparisons.recommend import study as recommending
 
     assert command._NEIGHBOURS == recommending.NEIGHBOURS

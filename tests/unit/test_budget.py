@@ -15,31 +15,31 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
-from trebucheck.comparisons.budget import Cause, Intervention, causes_of
-from trebucheck.comparisons.budget.campaign import Study
-from trebucheck.comparisons.budget.changes import stock_against_tuned
-from trebucheck.comparisons.budget.measure import budget
-from trebucheck.comparisons.budget.page import explain_html
-from trebucheck.comparisons.budget.results import Budget, Explanation, Machine
-from trebucheck.comparisons.budget.shares import orders
-from trebucheck.comparisons.budget.shown import main_quantities
-from trebucheck.comparisons.budget.terminal import print_explanation
-from trebucheck.comparisons.budget.variants import Reread, by_kinematics, with_filtered_torques, with_options
-from trebucheck.comparisons.cli.app import main
-from trebucheck.comparisons.deviation import GRID, Deviation
-from trebucheck.comparisons.trials import Trial, Trials, settings_of
-from trebucheck.engines.exudyn_ import ExudynEngine
-from trebucheck.engines.mujoco_ import MujocoEngine
+from trebucheck.cli.app import main
+from trebucheck.comparisons.explain import Cause, Intervention, causes_of
+from trebucheck.comparisons.explain.changes import stock_against_tuned
+from trebucheck.comparisons.explain.measure import budget
+from trebucheck.comparisons.explain.page import explain_html
+from trebucheck.comparisons.explain.results import Budget, Explanation, Machine
+from trebucheck.comparisons.explain.shares import orders
+from trebucheck.comparisons.explain.study import Study
+from trebucheck.comparisons.explain.terminal import print_explanation
+from trebucheck.comparisons.explain.text import main_quantities
+from trebucheck.comparisons.explain.variants import Reread, by_kinematics, with_filtered_torques, with_options
+from trebucheck.comparisons.runs.deviation import GRID, Deviation
+from trebucheck.comparisons.runs.trials import Trial, Trials, settings_of
+from trebucheck.engines.exudyn.engine import ExudynEngine
+from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.protocol import BuiltinEngine, Engine
-from trebucheck.engines.pymunk_ import PymunkEngine
-from trebucheck.engines.reference_ import ReferenceEngine
+from trebucheck.engines.pymunk.engine import PymunkEngine
+from trebucheck.engines.reference.engine import ReferenceEngine
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import InputError
+from trebucheck.models.machines.trebuchet import HANGER_REST, fixed
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.models.schema import schema_text
 from trebucheck.models.trajectory import Trajectory
-from trebucheck.models.trebuchet import HANGER_REST, fixed
 
 ENGINES: tuple[type[BuiltinEngine], ...] = (MujocoEngine, PymunkEngine, ExudynEngine)
 T = np.linspace(0.0, 1.0, GRID + 1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from trebucheck.reference.certificate import Uncertainties, refusal
+from trebucheck.reference.certification.certificate import Uncertainties, refusal
 
 
 @pytest.mark.parametrize("tolerance", [1e-7, 1.0000001e-11, 1e-11])

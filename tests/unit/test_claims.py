@@ -11,21 +11,22 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
-from trebucheck.comparisons.claims.apart import begun
-from trebucheck.comparisons.claims.evidence import made, spread
-from trebucheck.comparisons.claims.judging import _order
-from trebucheck.comparisons.claims.machines.results import MachineEfficiency, Machines, SlingThrow, WidestThrow
-from trebucheck.comparisons.claims.printed import parse
-from trebucheck.comparisons.claims.results import Claim, EngineValue, Quantity, Series, Study, Verdict
-from trebucheck.comparisons.claims.rows import equations as rows_equations
-from trebucheck.comparisons.claims.rows import machines as rows_machines
-from trebucheck.comparisons.claims.shown import words as shown
-from trebucheck.comparisons.claims.shown.page import page
-from trebucheck.comparisons.claims.study import study
-from trebucheck.comparisons.claims.throws.grids import around
-from trebucheck.comparisons.claims.throws.multipliers import fit
-from trebucheck.comparisons.claims.unreached import UNREACHED
-from trebucheck.comparisons.claims.verdicts import (
+from trebucheck.models.schema import schema_text
+from trebucheck.paper.apart import begun
+from trebucheck.paper.evidence import made, spread
+from trebucheck.paper.judging import _order
+from trebucheck.paper.machines.results import MachineEfficiency, Machines, SlingThrow, WidestThrow
+from trebucheck.paper.printed import parse
+from trebucheck.paper.report import text as shown
+from trebucheck.paper.report.page import page
+from trebucheck.paper.results import Claim, EngineValue, Quantity, Series, Study, Verdict
+from trebucheck.paper.rows import equations as rows_equations
+from trebucheck.paper.rows import machines as rows_machines
+from trebucheck.paper.study import study
+from trebucheck.paper.throws.grids import around
+from trebucheck.paper.throws.multipliers import fit
+from trebucheck.paper.unreached import UNREACHED
+from trebucheck.paper.verdicts import (
     Cause,
     Grid,
     as_printed,
@@ -39,7 +40,6 @@ from trebucheck.comparisons.claims.verdicts import (
     told_apart,
     vanishes,
 )
-from trebucheck.models.schema import schema_text
 
 ROOT = Path(__file__).parents[2]
 Throws = tuple[float, float | None, float | None]
@@ -290,7 +290,7 @@ def test_the_page_stands_for_itself(small: Study) -> None:
 
 def test_json_comes_back_and_keeps_to_its_schema(small: Study) -> None:
     assert Study.from_json(small.to_json()) == small
-    published = (ROOT / "comparisons" / "schemas" / "paper.schema.json").read_text()
+    published = (ROOT / "paper" / "schemas" / "paper.schema.json").read_text()
     assert published == schema_text(Study), "`make generated` writes the schemas anew"
     jsonschema.validate(json.loads(small.to_json()), json.loads(published))
 

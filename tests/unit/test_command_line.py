@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
-from trebucheck.comparisons.results import Results
+from trebucheck.comparisons.runs.results import Results
 from trebucheck.models.dataset import load
 
 FIELDS = list(tb.TrebuchetParameters.model_fields)
@@ -154,7 +154,7 @@ def test_compare_writes_all_and_ends_well(tmp_path: Path, capsys: pytest.Capture
 def test_a_broken_tolerance_is_exit_code_1(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from trebucheck.comparisons import tolerances
+    from trebucheck.comparisons.runs import tolerances
 
     strict = tolerances.Bar("reference", "stock", "launch_speed", 1e-9, 1.0, 0)
     monkeypatch.setattr(tolerances, "BARS", (strict,))
@@ -179,7 +179,7 @@ def test_run_writes_a_trajectory(tmp_path: Path, capsys: pytest.CaptureFixture[s
 def test_an_interrupt_is_exit_code_130(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    from trebucheck.comparisons import campaign
+    from trebucheck.comparisons.compare import study as campaign
 
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt

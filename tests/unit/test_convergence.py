@@ -13,17 +13,17 @@ import numpy as np
 import plugins
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.cli.app import main
-from trebucheck.comparisons.convergence import study as studying
-from trebucheck.comparisons.convergence.fit import FEWEST, SLOPE, power_law
-from trebucheck.comparisons.convergence.floor import Site, floor, notches
-from trebucheck.comparisons.convergence.knobs import knob_names, knobs
-from trebucheck.comparisons.convergence.report import page
-from trebucheck.comparisons.convergence.results import Studies
-from trebucheck.comparisons.convergence.richardson import ASYMPTOTIC, Level, largest, limit, observed_order, weights
-from trebucheck.comparisons.convergence.steps import duration, fitting
-from trebucheck.comparisons.convergence.study import converge
-from trebucheck.comparisons.trials import Trials
+from trebucheck.cli.app import main
+from trebucheck.comparisons.converge import study as studying
+from trebucheck.comparisons.converge.fit import FEWEST, SLOPE, power_law
+from trebucheck.comparisons.converge.floor import Site, floor, notches
+from trebucheck.comparisons.converge.page import page
+from trebucheck.comparisons.converge.parameters import knob_names, knobs
+from trebucheck.comparisons.converge.results import Studies
+from trebucheck.comparisons.converge.richardson import ASYMPTOTIC, Level, largest, limit, observed_order, weights
+from trebucheck.comparisons.converge.steps import duration, fitting
+from trebucheck.comparisons.converge.study import converge
+from trebucheck.comparisons.runs.trials import Trials
 from trebucheck.models.schema import schema_text
 
 STEPS = 1e-2 / 2.0 ** np.arange(9)
@@ -284,9 +284,9 @@ def test_durations_are_those_of_trials(step: float, monkeypatch: pytest.MonkeyPa
         return tb.engine("reference", timestep=5e-3).simulate(problem)
 
     monkeypatch.setattr(plugins.Echo, "simulate", simulate)
-    monkeypatch.setattr("trebucheck.comparisons.trials.engine_class", lambda _: plugins.Echo)
+    monkeypatch.setattr("trebucheck.comparisons.runs.trials.engine_class", lambda _: plugins.Echo)
     monkeypatch.setattr(
-        "trebucheck.comparisons.trials.settings_of", lambda engine: {"timestep": engine.timestep}, raising=True
+        "trebucheck.comparisons.runs.trials.settings_of", lambda engine: {"timestep": engine.timestep}, raising=True
     )
     with Trials(tb.fixed(), isolate=False) as trials:
         trials.trial(plugins.Echo(timestep=step))

@@ -12,15 +12,15 @@ from conftest import machine_parameters
 from faulty import Faulty, body, parameters
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from trebucheck.comparisons.compare.summary import diagnosis
 from trebucheck.comparisons.diagnosis.fit import match
-from trebucheck.comparisons.diagnosis.gate import gate
-from trebucheck.comparisons.diagnosis.parting import growth, holding_at
+from trebucheck.comparisons.diagnosis.model import gate
+from trebucheck.comparisons.diagnosis.onset import growth, holding_at
 from trebucheck.comparisons.diagnosis.suspects import machine_suspects, more_wrong
-from trebucheck.comparisons.equality import EXACT, equality
-from trebucheck.comparisons.results import Cause, Diagnosis, Outcome, Run
-from trebucheck.comparisons.states import random_states
-from trebucheck.comparisons.summary import diagnosis
-from trebucheck.models.trebuchet import parameters_of
+from trebucheck.comparisons.equivalence.checks import EXACT, equality
+from trebucheck.comparisons.equivalence.random_states import random_states
+from trebucheck.comparisons.runs.results import Cause, Diagnosis, Outcome, Run
+from trebucheck.models.machines.trebuchet import parameters_of
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
 from trebucheck.reference.stops import pushing
@@ -121,7 +121,7 @@ def test_a_diagnosis_reads_as_a_sentence() -> None:
 
 
 def test_a_gate_that_fails_ends_the_run_and_not_the_report(monkeypatch: pytest.MonkeyPatch) -> None:
-    from trebucheck.comparisons import campaign
+    from trebucheck.comparisons.compare import study as campaign
 
     make = campaign.engine
     monkeypatch.setattr(campaign, "engine", lambda *a, **o: Faulty(make(*a, **o), machine=parameters(g=9.8)))

@@ -84,7 +84,7 @@ def test_steps_that_cannot_be_taken_are_refused() -> None:
         tb.engine("reference", timestep=1e-12).simulate(tb.Problem(tb.fixed(), duration=1.0))
 
 
-@pytest.mark.parametrize("module", ["trebucheck", "trebucheck.reference.throw"])
+@pytest.mark.parametrize("module", ["trebucheck", "trebucheck.reference.throw.throw"])
 def test_examples_in_docstrings_are_true(module: str) -> None:
     failed, tried = doctest.testmod(importlib.import_module(module))
     assert tried > 0

@@ -13,12 +13,12 @@ import numpy as np
 import plugins
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.campaign import Case, Comparison
-from trebucheck.comparisons.metrics import measure
-from trebucheck.comparisons.report import report_html
-from trebucheck.comparisons.results import Metric, Outcome, Results, Run
-from trebucheck.comparisons.store import Store
-from trebucheck.comparisons.tolerances import judge
+from trebucheck.comparisons.compare.page import report_html
+from trebucheck.comparisons.compare.study import Case, Comparison
+from trebucheck.comparisons.runs.metrics import measure
+from trebucheck.comparisons.runs.results import Metric, Outcome, Results, Run
+from trebucheck.comparisons.runs.store import Store
+from trebucheck.comparisons.runs.tolerances import judge
 from trebucheck.models.dataset import load, save
 from trebucheck.models.schema import schema_text
 from trebucheck.reference.solver import solve
@@ -145,7 +145,7 @@ def test_tolerances_grow_with_the_order_and_do_not_sharpen() -> None:
 def test_a_tolerance_finer_than_the_reference_can_vouch_for_is_refused_and_the_report_says_why(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from trebucheck.comparisons import tolerances
+    from trebucheck.comparisons.runs import tolerances
 
     too_fine = tolerances.Bar("reference", "tuned", "launch_speed", 1e-13, 1.0, 0)
     monkeypatch.setattr(tolerances, "BARS", (too_fine,))

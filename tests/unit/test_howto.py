@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 import typer
-from trebucheck.comparisons.cli.app import app
+from trebucheck.cli.app import app
 
 ROOT = Path(__file__).parents[2]
 ROWS = "compare", "converge", "explain", "recommend", "throw", "paper", "certify"

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from trebucheck.models import mjcf_writer
 from trebucheck.models.errors import InputError, UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics
+from trebucheck.models.machines.parameters import TrebuchetParameters
+from trebucheck.models.machines.registry import model, models
+from trebucheck.models.machines.trebuchet import fixed, rolling
 from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint, Stop
-from trebucheck.models.mjcf_writer import FAR, MODEL_FILE, SCENE_FILE, mjcf, scene, write_model_folder
-from trebucheck.models.parameters import TrebuchetParameters
-from trebucheck.models.registry import model, models
-from trebucheck.models.trebuchet import fixed, rolling
+from trebucheck.models.mjcf import writer as mjcf_writer
+from trebucheck.models.mjcf.writer import FAR, MODEL_FILE, SCENE_FILE, mjcf, scene, write_model_folder
 
 MACHINES = {"fixed": fixed, "rolling": rolling}
 machines = pytest.mark.parametrize("name", MACHINES)

@@ -12,13 +12,13 @@ from typing import Any
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
-from trebucheck.comparisons.budget import causes_of
-from trebucheck.comparisons.diagnosis.placing import looped
+from trebucheck.comparisons.compare.summary import push_unit
+from trebucheck.comparisons.diagnosis.initialisation import looped
 from trebucheck.comparisons.diagnosis.suspects import machine_suspects, more_wrong
-from trebucheck.comparisons.summary import push_unit
-from trebucheck.engines.mujoco_ import MujocoEngine
-from trebucheck.models.registry import model
-from trebucheck.reference.throw import throw
+from trebucheck.comparisons.explain import causes_of
+from trebucheck.engines.mujoco.engine import MujocoEngine
+from trebucheck.models.machines.registry import model
+from trebucheck.reference.throw.throw import throw
 
 NEW = ("catapult", "hinged", "floating-arm")
 

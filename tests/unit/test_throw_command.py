@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
-from trebucheck.reference.flight import Air, Surroundings, fly
-from trebucheck.reference.release import Projectile
 from trebucheck.reference.solver import solve
-from trebucheck.reference.throw import Throw, throw
+from trebucheck.reference.throw.flight import Air, Surroundings, fly
+from trebucheck.reference.throw.release import Projectile
+from trebucheck.reference.throw.throw import Throw, throw
 
 
 def _refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
@@ -112,7 +112,7 @@ def test_all_is_shown_and_written(capsys: pytest.CaptureFixture[str], tmp_path: 
 
 
 def test_a_page_that_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from trebucheck.comparisons import throw_figures
+    from trebucheck.comparisons.throw import plots as throw_figures
 
     def broken(_: object) -> None:
         raise RuntimeError("no picture")

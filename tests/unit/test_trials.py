@@ -11,8 +11,8 @@ import numpy as np
 import plugins
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.deviation import deviation
-from trebucheck.comparisons.trials import Trial, Trials
+from trebucheck.comparisons.runs.deviation import deviation
+from trebucheck.comparisons.runs.trials import Trial, Trials
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import SimulationError
 from trebucheck.reference.solution import Solution
@@ -42,7 +42,7 @@ class Claims(plugins.Echo):
 
 @pytest.fixture
 def trials(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Trials]:
-    monkeypatch.setattr("trebucheck.comparisons.trials.engine_class", lambda _: plugins.Echo)
+    monkeypatch.setattr("trebucheck.comparisons.runs.trials.engine_class", lambda _: plugins.Echo)
     with Trials(tb.fixed(), isolate=False, folder=tmp_path, resume=True) as found:
         yield found
 

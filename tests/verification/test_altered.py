@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from scipy.integrate import trapezoid
-from trebucheck.reference.altered import TOLERANCE, WithJoint, WithoutCentrifugal, solve_scheduled
 from trebucheck.reference.equations import Equations
+from trebucheck.reference.perturbed import TOLERANCE, WithJoint, WithoutCentrifugal, solve_scheduled
 from trebucheck.reference.solver import solve
 
 Build = Callable[..., tb.Mechanism]

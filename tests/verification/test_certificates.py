@@ -12,8 +12,8 @@ from conftest import machine_parameters
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from trebucheck.models.schema import schema_text
-from trebucheck.reference import certificate as module
-from trebucheck.reference.certificate import (
+from trebucheck.reference.certification import certificate as module
+from trebucheck.reference.certification.certificate import (
     Certificate,
     Computation,
     certified,
@@ -22,9 +22,9 @@ from trebucheck.reference.certificate import (
     reference_uncertainty,
     refusal,
 )
-from trebucheck.reference.certify import certify, judge
-from trebucheck.reference.figures import Key
-from trebucheck.reference.redundant import solve_redundant
+from trebucheck.reference.certification.certify import certify, judge
+from trebucheck.reference.certification.quantities import Key
+from trebucheck.reference.certification.redundant import solve_redundant
 from trebucheck.reference.solver import solve
 
 pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
@@ -182,7 +182,7 @@ def test_certificate_belongs_to_one_mechanism_only() -> None:
 
 
 def test_schema_and_round_trip(committed: Certificate) -> None:
-    text = (module.files("trebucheck.reference") / "certificates" / module.SCHEMA).read_text()
+    text = (module.files("trebucheck.reference.certification") / "certificates" / module.SCHEMA).read_text()
     assert text == schema_text(Certificate)
     assert Certificate.from_json(committed.to_json()) == committed
 

@@ -7,14 +7,14 @@ from functools import cache
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.claims.design.engines import tolerances
-from trebucheck.comparisons.claims.design.first_sweep import first_sweep
-from trebucheck.comparisons.claims.design.results import Reading
-from trebucheck.comparisons.claims.design.search import NEARNESS, RANGE, Family
-from trebucheck.comparisons.claims.design.study import FARTHEST, NEAREST, Bounds, Design, design_rolling
-from trebucheck.reference.flight import Surroundings, fly
-from trebucheck.reference.release import Projectile
+from trebucheck.paper.design.engines import tolerances
+from trebucheck.paper.design.first_forward_swing import first_sweep
+from trebucheck.paper.design.results import Reading
+from trebucheck.paper.design.search import NEARNESS, RANGE, Family
+from trebucheck.paper.design.study import FARTHEST, NEAREST, Bounds, Design, design_rolling
 from trebucheck.reference.solver import solve, solve_to_launch
+from trebucheck.reference.throw.flight import Surroundings, fly
+from trebucheck.reference.throw.release import Projectile
 
 NEEDED = 1e-6  # [s] the two instants may stand apart
 

@@ -9,11 +9,11 @@ import pytest
 import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given
-from trebucheck.comparisons.claims.machines.energy import available_energy, kinetic_energy
-from trebucheck.comparisons.claims.machines.slings import SLINGS, fastest_sling
-from trebucheck.comparisons.claims.machines.widest import BOUNDS, most_efficient
 from trebucheck.models.kinematics import Kinematics
-from trebucheck.models.registry import model, parameters_type
+from trebucheck.models.machines.registry import model, parameters_type
+from trebucheck.paper.machines.energy import available_energy, kinetic_energy
+from trebucheck.paper.machines.slings import SLINGS, fastest_sling
+from trebucheck.paper.machines.widest import BOUNDS, most_efficient
 from trebucheck.reference.solver import solve_to_launch
 
 

@@ -11,9 +11,9 @@ import trebucheck as tb
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
-from trebucheck.reference.flight import WORLDS, Air, Release, Surroundings, fly, range_rate, world
-from trebucheck.reference.release import Projectile
 from trebucheck.reference.solver import solve
+from trebucheck.reference.throw.flight import WORLDS, Air, Release, Surroundings, fly, range_rate, world
+from trebucheck.reference.throw.release import Projectile
 
 G = 9.81
 BUILDERS = {"fixed": tb.fixed, "rolling": tb.rolling}

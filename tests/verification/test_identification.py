@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from trebucheck.comparisons.claims.identification.figures import ANGLES, PRINTED, R_ROLLING, SPEED, Headlines, computed
-from trebucheck.comparisons.claims.identification.fit import fit
-from trebucheck.comparisons.claims.identification.identify import identify
-from trebucheck.comparisons.claims.identification.results import Identification, PrintedFigure
 from trebucheck.models.errors import InputError
-from trebucheck.models.parameters import TrebuchetParameters
-from trebucheck.models.trebuchet import fixed
-from trebucheck.reference.sensitivity import sensitivities
+from trebucheck.models.machines.parameters import TrebuchetParameters
+from trebucheck.models.machines.trebuchet import fixed
+from trebucheck.paper.identification.fit import fit
+from trebucheck.paper.identification.identify import identify
+from trebucheck.paper.identification.quantities import ANGLES, PRINTED, R_ROLLING, SPEED, Headlines, computed
+from trebucheck.paper.identification.results import Identification, PrintedFigure
+from trebucheck.reference.throw.sensitivity import sensitivities
 
 TABLE = TrebuchetParameters()
 PAPER = (0.0, math.pi, -math.pi / 4)

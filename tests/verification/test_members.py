@@ -7,7 +7,9 @@ import math
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.reference.members import (
+from trebucheck.reference.solution import Solution
+from trebucheck.reference.solver import solve
+from trebucheck.reference.throw.members import (
     axial_force,
     member_forces,
     members,
@@ -16,8 +18,6 @@ from trebucheck.reference.members import (
     supports,
     upward_force,
 )
-from trebucheck.reference.solution import Solution
-from trebucheck.reference.solver import solve
 
 G, MASS, LENGTH = 9.81, 3.0, 2.0
 

@@ -11,9 +11,9 @@ import trebucheck as tb
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import quad
-from trebucheck.models.registry import model, models, parameters_type
-from trebucheck.reference.certificate import load_certificate
-from trebucheck.reference.redundant import solve_redundant
+from trebucheck.models.machines.registry import model, models, parameters_type
+from trebucheck.reference.certification.certificate import load_certificate
+from trebucheck.reference.certification.redundant import solve_redundant
 from trebucheck.reference.solver import solve, solve_to_launch
 
 OTHERS = ("catapult", "hinged", "floating-arm")

@@ -7,21 +7,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-from trebucheck.comparisons.claims.drag.grid import on_grid
-from trebucheck.comparisons.claims.drag.motion import Throwing, common, interval
-from trebucheck.comparisons.claims.drag.results import (
-    AngleReading,
-    DragInterval,
-    DragStudy,
-    GravityReading,
-    PrintedAngle,
-)
-from trebucheck.comparisons.claims.drag.study import PRINTED, drag_study
 from trebucheck.models.errors import InputError
-from trebucheck.models.trebuchet import fixed
-from trebucheck.reference.flight import fly, world
-from trebucheck.reference.release import Projectile
+from trebucheck.models.machines.trebuchet import fixed
+from trebucheck.paper.drag.grid import on_grid
+from trebucheck.paper.drag.motion import Throwing, common, interval
+from trebucheck.paper.drag.results import AngleReading, DragInterval, DragStudy, GravityReading, PrintedAngle
+from trebucheck.paper.drag.study import PRINTED, drag_study
 from trebucheck.reference.solver import solve_to_launch
+from trebucheck.reference.throw.flight import fly, world
+from trebucheck.reference.throw.release import Projectile
 
 ROWS = {row.world: row for row in PRINTED}
 RESOLVED = 1e-4  # share of a drag area to which it is found

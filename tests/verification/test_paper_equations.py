@@ -8,8 +8,8 @@ import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given
 from hypothesis import strategies as st
+from trebucheck.reference.certification.paper import PaperEquations
 from trebucheck.reference.equations import Equations
-from trebucheck.reference.paper import PaperEquations
 
 PAPER = {False: PaperEquations(rolling=False), True: PaperEquations(rolling=True)}
 ACTIVE_SETS = [(), ("hanger rest",), ("sling rest",), ("sling rest", "hanger rest")]

@@ -10,9 +10,9 @@ import pytest
 import trebucheck as tb
 from hypothesis import given
 from hypothesis import strategies as st
-from trebucheck.reference._sensitivity_equations import VariationalEquations
-from trebucheck.reference.redundant import solve_redundant
+from trebucheck.reference.certification.redundant import solve_redundant
 from trebucheck.reference.solver import solve
+from trebucheck.reference.throw.sensitivity_equations import VariationalEquations
 
 G = 9.81
 LENGTH, MASS = 3.0, 7.0
@@ -131,7 +131,7 @@ def test_what_cannot_be_is_refused() -> None:
 @pytest.mark.parametrize("restitution", [0.0, 0.6])
 def test_taylor_meets_the_same_floor(restitution: float) -> None:
     """The gap is an expression of its own there, found on the series."""
-    from trebucheck.reference.taylor import solve_taylor
+    from trebucheck.reference.taylor.solve import solve_taylor
 
     problem = tb.Problem(bob_over_floor(1.0, restitution), duration=1.2, stop_law="unilateral")
     expected, found = solve(problem), solve_taylor(problem)

@@ -13,7 +13,7 @@ import pytest
 import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given
-from trebucheck.reference.redundant import RedundantMotion, RedundantSystem, solve_redundant
+from trebucheck.reference.certification.redundant import RedundantMotion, RedundantSystem, solve_redundant
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 

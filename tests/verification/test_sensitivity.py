@@ -14,11 +14,11 @@ import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import assume, given, settings
 from scipy.linalg import null_space
-from trebucheck.reference._sensitivity_data import numbers, parameter_directions, whipper_numbers
-from trebucheck.reference._sensitivity_equations import VariationalEquations
 from trebucheck.reference.equations import Equations
-from trebucheck.reference.sensitivity import Sensitivities, marker_tangent, sensitivities, state_tangent
 from trebucheck.reference.solver import solve
+from trebucheck.reference.throw.sensitivity import Sensitivities, marker_tangent, sensitivities, state_tangent
+from trebucheck.reference.throw.sensitivity_data import numbers, parameter_directions, whipper_numbers
+from trebucheck.reference.throw.sensitivity_equations import VariationalEquations
 
 pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
 

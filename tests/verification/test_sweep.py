@@ -8,14 +8,14 @@ from functools import cache
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.claims.sweep.laws import bilateral, pulls_at_start
-from trebucheck.comparisons.claims.sweep.search import Places
-from trebucheck.comparisons.claims.sweep.study import Sweep, fulcrum_sweep
-from trebucheck.comparisons.claims.sweep.whole import Whole, gravity_and_inertia, hanger_torque_on_beam, on_beam
-from trebucheck.reference.altered import solve_scheduled
+from trebucheck.paper.sweep.laws import bilateral, pulls_at_start
+from trebucheck.paper.sweep.rigid_swing import Whole, gravity_and_inertia, hanger_torque_on_beam, on_beam
+from trebucheck.paper.sweep.search import Places
+from trebucheck.paper.sweep.study import Sweep, fulcrum_sweep
 from trebucheck.reference.equations import Equations
-from trebucheck.reference.sensitivity import sensitivities
+from trebucheck.reference.perturbed import solve_scheduled
 from trebucheck.reference.solver import solve_to_launch
+from trebucheck.reference.throw.sensitivity import sensitivities
 
 pytestmark = pytest.mark.slow  # one sweep for all of them: some 7 s
 

@@ -18,7 +18,7 @@ from conftest import machine_parameters
 from hypothesis import given
 from scipy.special import ellipk
 from trebucheck.reference.solver import solve
-from trebucheck.reference.taylor import launch_batch, solve_taylor, taylor_figures, taylor_launch
+from trebucheck.reference.taylor.solve import launch_batch, solve_taylor, taylor_figures, taylor_launch
 
 pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
 

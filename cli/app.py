@@ -1,0 +1,130 @@
+"""The `trebucheck` command: its subcommands, and how errors reach the user."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from . import (
+    certify as certifying,
+)
+from . import (
+    compare as comparing,
+)
+from . import (
+    converge as converging,
+)
+from . import (
+    engines,
+    models,
+)
+from . import (
+    explain as explaining,
+)
+from . import (
+    paper as papering,
+)
+from . import (
+    recommend as recommending,
+)
+from . import (
+    run as running,
+)
+from . import (
+    throw as throwing,
+)
+
+app = typer.Typer(
+    name="trebucheck",
+    help="How far can you trust a multibody engine, and why does it differ?\n\n"
+    "A trebuchet, fixed or rolling, and its relatives are solved by a Lagrangian reference and built again in MuJoCo, "
+    "pymunk and Exudyn. Exit codes: 0 fine, 1 a tolerance is broken or a run failed, 2 wrong input, 130 interrupted.",
+    epilog="Examples:\n\n"
+    "trebucheck compare --out report\n\n"
+    "trebucheck compare --models rolling --engines mujoco,exudyn --preset tuned --timestep 5e-4\n\n"
+    "trebucheck run --engine pymunk --model fixed --set l1=9.5 --set m_cw=2500\n\n"
+    "trebucheck throw --model rolling --best --sensitivities\n\n"
+    "trebucheck paper --out paper\n\n"
+    "trebucheck models export rolling --set r=7 --out my-rolling",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+app.command("compare")(comparing.compare_command)
+app.command("explain")(explaining.explain_command)
+app.command("run")(running.run_command)
+app.command("throw")(throwing.throw_command)
+app.command("certify")(certifying.certify_command)
+app.command("recommend")(recommending.recommend_command)
+app.command("converge")(converging.converge_command)
+app.command("paper")(papering.paper_command)
+app.command("engines")(engines.engines_command)
+app.add_typer(models.app, name="models")
+
+
+def _show_version(asked: bool) -> None:
+    if asked:
+        from ..version import __version__
+
+        typer.echo(f"trebucheck {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """Hold the options that belong to no subcommand; the help text stands where the app is made."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Returns:
+        The exit code: 0, 1 (disagreement or a failed run), 2 (wrong input) or 130 (interrupted).
+    """
+    from ..models.errors import TrebucheckError
+
+    try:
+        code = app(args=arguments, prog_name="trebucheck", standalone_mode=False)
+    except TrebucheckError as error:
+        return _refused(str(error))
+    except KeyboardInterrupt:
+        return _interrupted()
+    except Exception as error:
+        # Usage errors of the command-line library carry their own sentence; anything else is a fault of ours.
+        sentence = getattr(error, "format_message", None)
+        if sentence is None:
+            raise
+        return _refused(sentence()) if str(sentence()) else 2
+    if code == _INTERRUPTED:
+        return _interrupted()
+    return code if isinstance(code, int) else 0
+
+
+_INTERRUPTED = 130
+
+
+def _refused(sentence: str) -> int:
+    print(f"error: {sentence}", file=sys.stderr)
+    return 2
+
+
+def _interrupted() -> int:
+    kept = ", ".join(_resumable())
+    print(
+        f"interrupted; these commands keep the runs they have finished, and go on from there with --resume: {kept}.",
+        file=sys.stderr,
+    )
+    return _INTERRUPTED
+
+
+def _resumable() -> list[str]:
+    """Names of the commands that take --resume."""
+    root = typer.main.get_group(app)
+    return sorted(name for name, command in root.commands.items() if any(o.name == "resume" for o in command.params))

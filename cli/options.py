@@ -1,0 +1,171 @@
+"""Options that several commands share, and how their texts are read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from ..models.machines.parameters import TrebuchetParameters
+    from ..models.mechanism import Mechanism
+    from ..models.spec import Spec
+
+MACHINES = "fixed, rolling, catapult, hinged, floating-arm, or a mechanism's .json file"
+
+Models = Annotated[
+    str,
+    typer.Option("--models", "--model", help=f"Machines, comma-separated: {MACHINES}."),
+]
+Model = Annotated[str, typer.Option("--model", "--models", help=f"Machine: {MACHINES}.")]
+Engines = Annotated[str, typer.Option("--engines", "--engine", help="Engines, comma-separated; all by default.")]
+Preset = Annotated[str, typer.Option("--preset", "--presets", help="tuned, stock, or both: tuned,stock.")]
+Timestep = Annotated[float | None, typer.Option("--timestep", help="Step of every engine (s); else the preset's own.")]
+Duration = Annotated[
+    float | None, typer.Option("--duration", help="Compared or simulated time (s); to the launch by default.")
+]
+Set = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the machine, SI units; repeatable."),
+]
+Beam = Annotated[
+    float | None, typer.Option("--beam", help="Keep l1 + l2 at this length (m): l2 follows from l1 (paper: 14).")
+]
+EngineOption = Annotated[
+    list[str] | None,
+    typer.Option("--option", metavar="NAME=VALUE", help="A numerical option of the engine; repeatable."),
+]
+
+
+def names(text: str, what: str) -> list[str]:
+    """Split a comma list.
+
+    Raises:
+        InputError: the list is empty.
+    """
+    from ..models.errors import InputError
+
+    found = [part.strip() for part in text.split(",") if part.strip()]
+    if not found:
+        raise InputError(f"{what} is empty; at least one name is needed.")
+    return found
+
+
+def assignments(texts: list[str] | None, option: str) -> dict[str, str]:
+    """NAME=VALUE texts as a mapping.
+
+    Raises:
+        InputError: a text has no '=', or a name stands twice.
+    """
+    from ..models.errors import InputError
+
+    found: dict[str, str] = {}
+    for text in texts or []:
+        name, separator, value = text.partition("=")
+        if not separator or not name.strip() or not value.strip():
+            raise InputError(f"{option} {text!r} must have the form NAME=VALUE.")
+        if name.strip() in found:
+            raise InputError(f"{option} names {name.strip()!r} twice.")
+        found[name.strip()] = value.strip()
+    return found
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What --set and --beam say, before it is known of which machine."""
+
+    numbers: dict[str, float]
+    beam: float | None
+
+    def __bool__(self) -> bool:
+        return bool(self.numbers) or self.beam is not None
+
+    def of(self, name: str) -> Spec | None:
+        """Parameters of a named machine; None where nothing was chosen.
+
+        Raises:
+            InputError: the machine, or one of the names, is unknown, or a value is not valid.
+        """
+        from ..models.errors import InputError
+        from ..models.machines.registry import parameters_type
+
+        kind = parameters_type(name)
+        known = list(kind.model_fields)
+        for given in self.numbers:
+            if given not in known:
+                raise InputError(
+                    f"--set {given}: there is no such parameter; there are: {', '.join(known)} (of {name})."
+                )
+        if not self:
+            return None
+        return kind(**(self.numbers | self._short_end(kind)))
+
+    def whipper(self, name: str) -> TrebuchetParameters | None:
+        """The same for a machine of the paper; None, too, for any other."""
+        from ..models.machines.parameters import TrebuchetParameters
+        from ..models.machines.registry import models
+
+        found = self.of(name) if name in models() else None
+        return found if isinstance(found, TrebuchetParameters) else None
+
+    def _short_end(self, kind: type[Spec]) -> dict[str, float]:
+        from ..models.errors import InputError
+        from ..models.machines.parameters import short_end
+
+        if self.beam is None:
+            return {}
+        l1 = self.numbers["l1"] if "l1" in self.numbers else float(kind.model_fields["l1"].default)
+        if "l2" in self.numbers:
+            raise InputError("--beam chooses l2 itself; leave out --set l2, or --beam.")
+        return {"l2": short_end(l1, self.beam)}
+
+
+def parameters(texts: list[str] | None, beam: float | None) -> Chosen:
+    """Parameters from --set and --beam.
+
+    Raises:
+        InputError: a value is not a number.
+    """
+    return Chosen({name: _number(name, value) for name, value in assignments(texts, "--set").items()}, beam)
+
+
+def _number(name: str, text: str) -> float:
+    from ..models.errors import InputError
+
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"--set {name} = {text!r} is not a number.") from None
+
+
+def machines(text: str, chosen: Chosen) -> list[Mechanism]:
+    """Mechanisms by name or from files.
+
+    Raises:
+        InputError: a name is unknown, or a file cannot be read or is not a mechanism.
+    """
+    from ..models.errors import InputError
+    from ..models.machines.registry import model
+    from ..models.mechanism import Mechanism
+
+    found: list[Mechanism] = []
+    for name in names(text, "--models"):
+        if name.endswith(".json") and chosen:
+            raise InputError(f"--set and --beam are for named machines; {name} holds its own values.")
+        found.append(Mechanism.load(Path(name)) if name.endswith(".json") else model(name, chosen.of(name)))
+    return found
+
+
+def engine_options(texts: list[str] | None) -> dict[str, Any]:
+    """--option values as JSON where they are JSON, else as text: the engine itself validates them."""
+    import json
+
+    options: dict[str, Any] = {}
+    for name, value in assignments(texts, "--option").items():
+        try:
+            options[name] = json.loads(value)
+        except json.JSONDecodeError:
+            options[name] = value
+    return options

@@ -1,0 +1,64 @@
+"""`trebucheck run`: one engine, one machine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from . import options
+
+if TYPE_CHECKING:
+    from ..models.mechanism import Mechanism
+
+
+def run_command(
+    engine: Annotated[str, typer.Option("--engine", "--engines", help="One engine; see `trebucheck engines`.")],
+    model: options.Model = "fixed",
+    preset: Annotated[str, typer.Option("--preset", help="tuned or stock.")] = "tuned",
+    timestep: options.Timestep = None,
+    duration: options.Duration = None,
+    assignments: options.Set = None,
+    beam: options.Beam = None,
+    option: options.EngineOption = None,
+    stop_law: Annotated[str, typer.Option("--stop-law", help="release-once or unilateral.")] = "release-once",
+    out: Annotated[Path, typer.Option("--out", help="NetCDF file to write, or a folder for it.")] = Path("report"),
+) -> None:
+    """Simulate one machine with one engine; write its trajectory as NetCDF and print a summary.
+
+    Examples:
+    trebucheck run --engine mujoco --model rolling --timestep 5e-4 --duration 2.6 --out rolling.nc
+
+    trebucheck run --engine pymunk --preset stock --option iterations=30
+    """
+    from ..comparisons.compare.terminal import console, print_summary
+    from ..engines.registry import engine as make
+    from ..models.dataset import save
+    from ..models.errors import InputError
+    from ..models.files import refuse_unwritable
+    from ..models.problem import Problem
+
+    mechanisms = options.machines(model, options.parameters(assignments, beam))
+    if len(mechanisms) != 1:
+        raise InputError(f"--model {model!r} names {len(mechanisms)} machines; `run` takes one.")
+    mechanism = mechanisms[0]
+    own = options.engine_options(option)
+    if timestep is not None:
+        own["timestep"] = timestep
+    runner = make(engine, preset, **own)
+    problem = Problem(mechanism, duration=_to_launch(mechanism) if duration is None else duration, stop_law=stop_law)
+    path = out if out.suffix == ".nc" else out / f"{mechanism.name}-{engine}-{preset}.nc"
+    refuse_unwritable(path.parent)
+    trajectory = runner.simulate(problem)
+    save(trajectory, path)
+    print_summary(trajectory, console())
+    console().print(f"\nTrajectory: {path}", soft_wrap=True)
+
+
+def _to_launch(mechanism: Mechanism) -> float:
+    """A little past the reference's launch [s]."""
+    from ..reference.solver import solve_to_launch
+
+    launch = solve_to_launch(mechanism).launch
+    return launch.time + 0.02 if launch else 3.0

@@ -1,0 +1,121 @@
+"""`trebucheck throw`: one machine, all the figures a builder wants."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from . import options
+
+if TYPE_CHECKING:
+    from ..models.machines.parameters import TrebuchetParameters
+    from ..models.mechanism import Mechanism
+    from ..reference.throw.throw import Sensitivity
+
+
+ReleaseAngle = Annotated[
+    float | None,
+    typer.Option("--release-angle", help="Let go at this angle of the velocity above level (deg); 45 if no other."),
+]
+ReleaseTime = Annotated[float | None, typer.Option("--release-time", help="Let go at this time (s).")]
+SlingAngle = Annotated[
+    float | None, typer.Option("--sling-angle", help="Let go at this angle of the sling from the arm (deg).")
+]
+Best = Annotated[bool, typer.Option("--best", help="Let go for the longest range.")]
+Density = Annotated[float | None, typer.Option("--density", help="Of the air (kg/m^3); with --drag-area.")]
+DragArea = Annotated[
+    float | None, typer.Option("--drag-area", help="Drag coefficient times area (m^2); with --density or --body.")
+]
+Body = Annotated[
+    str | None, typer.Option("--body", help="moon, mars, earth or venus: gravity and air of the paper's Table II.")
+]
+Height = Annotated[float, typer.Option("--height", help="Of the landing above the fulcrum or wheel (m).")]
+WithSensitivities = Annotated[
+    bool, typer.Option("--sensitivities", help="Also differentiate speed and range by every parameter.")
+]
+Out = Annotated[Path, typer.Option("--out", help="Folder for throw.html and throw.json.")]
+
+
+def throw_command(
+    model: options.Model = "fixed",
+    assignments: options.Set = None,
+    beam: options.Beam = None,
+    release_angle: ReleaseAngle = None,
+    release_time: ReleaseTime = None,
+    sling_angle: SlingAngle = None,
+    best: Best = False,
+    density: Density = None,
+    drag_area: DragArea = None,
+    body: Body = None,
+    height: Height = 0.0,
+    sensitivities: WithSensitivities = False,
+    out: Out = Path("report"),
+) -> None:
+    """Throw with one machine: launch, flight, best release and the forces in its members.
+
+    Prints a table and writes throw.html (self-contained, with pictures) and throw.json.
+
+    Examples:
+    trebucheck throw --model rolling --best --out my-throw
+
+    trebucheck throw --set l1=9.5 --release-angle 40 --density 1.2 --drag-area 0.05
+
+    trebucheck throw --body mars --drag-area 0.05 --sling-angle 350
+
+    trebucheck throw --model rolling --sensitivities
+    """
+    from ..comparisons.compare.terminal import console
+    from ..comparisons.throw.page import print_throw, throw_html
+    from ..models.files import refuse_unwritable, write_text
+    from ..reference.throw.throw import perform
+
+    chosen = options.parameters(assignments, beam)
+    mechanism = _machine(model, chosen, assignments, body)
+    if sensitivities:
+        _refuse_another_machine(model)
+    refuse_unwritable(out)
+    release = {
+        "release_angle": None if release_angle is None else math.radians(release_angle),
+        "release_time": release_time,
+        "sling_angle": None if sling_angle is None else math.radians(sling_angle),
+    }
+    performance = perform(mechanism, release, best=best, density=density, drag_area=drag_area, body=body, height=height)
+    rows = _sensitivities(model, chosen.whipper(model.strip()), performance.throw.gravity) if sensitivities else ()
+    throw = performance.throw.model_copy(update={"sensitivities": rows})
+    page = throw_html(performance, throw)
+    write_text(out / "throw.json", throw.to_json())
+    write_text(out / "throw.html", page)
+    print_throw(throw, console())
+    console().print(f"\nPage: {out / 'throw.html'}   Data: {out / 'throw.json'}", soft_wrap=True)
+
+
+def _machine(model: str, chosen: options.Chosen, assigned: list[str] | None, body: str | None) -> Mechanism:
+    from ..models.errors import InputError
+
+    mechanisms = options.machines(model, chosen)
+    if len(mechanisms) != 1:
+        raise InputError(f"--model {model!r} names {len(mechanisms)} machines; `throw` takes one.")
+    if body is not None and "g" in options.assignments(assigned, "--set"):
+        raise InputError(f"--body {body} brings its own gravity; leave out --set g, or --body.")
+    return mechanisms[0]
+
+
+def _refuse_another_machine(model: str) -> None:
+    from ..models.errors import InputError
+
+    if model.strip() not in ("fixed", "rolling"):
+        raise InputError(
+            f"--sensitivities differentiates by a named machine's parameters, the whipper's; {model} has others "
+            "or none: use fixed or rolling."
+        )
+
+
+def _sensitivities(model: str, parameters: TrebuchetParameters | None, gravity: float) -> tuple[Sensitivity, ...]:
+    from ..comparisons.throw.page import sensitivities_of
+    from ..models.machines.parameters import TrebuchetParameters
+
+    here = (parameters or TrebuchetParameters()).model_copy(update={"g": gravity})
+    return sensitivities_of(model.strip(), here)

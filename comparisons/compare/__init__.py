@@ -1,0 +1,1 @@
+"""`trebucheck compare`: engines against the reference and against each other."""

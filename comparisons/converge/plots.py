@@ -1,0 +1,112 @@
+"""Plots of the studies, as Plotly figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from ..report.plots import finish, run_style
+from .results import QuantityName, Study
+from .text import exponent
+
+_QUANTITIES: tuple[QuantityName, ...] = ("position", "torque")
+_MARKS = {"tuned": "circle", "stock": "square-open"}
+
+
+def convergence(studies: Sequence[Study]) -> go.Figure:
+    """Error against the time step, position and torque, with the fitted lines and their slopes."""
+    figure = _pair(studies)
+    for k, study in enumerate(studies, start=1):
+        for column, quantity in enumerate(_QUANTITIES, start=1):
+            _points(figure, study, quantity, column, name=study.label)
+            # Lines may all but cover each other; their slopes, each at another place, do not.
+            _line(figure, study, quantity, column, at=k / (len(studies) + 1))
+    figure.update_xaxes(title="time step [s]")
+    return _finished(figure, 520)
+
+
+def knob(study: Study) -> go.Figure:
+    """Error against one knob; where it can be told apart, the part of it that the knob makes."""
+    figure = _pair([study])
+    for column, quantity in enumerate(_QUANTITIES, start=1):
+        if study.own:
+            _points(figure, study, quantity, column, name="whole error", whole=True)
+        name = "made by the knob" if study.own else "error"
+        _points(figure, study, quantity, column, name=name)
+        _line(figure, study, quantity, column)
+    figure.update_xaxes(title=f"{study.title} [{study.unit}]")
+    return _finished(figure, 360)
+
+
+def work_precision(studies: Sequence[Study]) -> go.Figure:
+    """Error against the median wall time; bars from the quickest to the slowest repeat."""
+    figure = _pair(studies)
+    for study in studies:
+        timed = [point for point in study.points if point.wall_times]
+        median = np.array([np.median(point.wall_times) for point in timed])
+        spread = {
+            "type": "data",
+            "symmetric": False,
+            "array": np.array([max(point.wall_times) for point in timed]) - median,
+            "arrayminus": median - np.array([min(point.wall_times) for point in timed]),
+            "thickness": 1,
+        }
+        for column, quantity in enumerate(_QUANTITIES, start=1):
+            figure.add_scatter(
+                x=median, y=[point.error(quantity) for point in timed], error_x=spread, mode="lines+markers",
+                name=study.label, legendgroup=study.label, showlegend=column == 1, row=1, col=column,
+                customdata=[point.value for point in timed], hovertemplate="h = %{customdata:.3g} s: %{y:.2e}",
+                line=run_style(study.engine, study.preset), marker=_mark(study),
+            )  # fmt: skip
+    figure.update_xaxes(title="wall time, warm [s]")
+    return _finished(figure, 480)
+
+
+def _pair(studies: Sequence[Study]) -> go.Figure:
+    unit = next((study.curve("torque").unit for study in studies), "N m")
+    titles = ("position [m]", f"{'stop force' if unit == 'N' else 'stop torque'} [{unit}]")
+    return make_subplots(rows=1, cols=2, subplot_titles=titles, horizontal_spacing=0.09)
+
+
+def _finished(figure: go.Figure, height: int) -> go.Figure:
+    figure.update_xaxes(type="log", exponentformat="power")
+    figure.update_yaxes(type="log", exponentformat="power")
+    figure.update_yaxes(title="largest error", col=1)
+    return finish(figure, height, legend_at=-0.25)
+
+
+def _mark(study: Study) -> dict[str, Any]:
+    return {"symbol": _MARKS.get(study.preset, "diamond"), "size": 8}
+
+
+def _points(
+    figure: go.Figure, study: Study, quantity: QuantityName, column: int, *, name: str, whole: bool = False
+) -> None:
+    ran = [point for point in study.points if point.error(quantity, study.own and not whole)]
+    colour = "#aaaaaa" if whole else run_style(study.engine, study.preset)["color"]
+    figure.add_scatter(
+        x=[point.value for point in ran], y=[point.error(quantity, study.own and not whole) for point in ran],
+        mode="markers", name=name, legendgroup=name, showlegend=column == 1, row=1, col=column,
+        marker={**_mark(study), "color": colour},
+    )  # fmt: skip
+
+
+def _line(figure: go.Figure, study: Study, quantity: QuantityName, column: int, at: float = 0.5) -> None:
+    """A law, with its exponent at that share of its range."""
+    law = study.curve(quantity).law
+    if law is None:
+        return
+    x = np.array([law.high, law.low])
+    figure.add_scatter(
+        x=x, y=[law.at(value) for value in x], mode="lines", line=run_style(study.engine, study.preset),
+        name=f"slope {law.exponent:.3f}", showlegend=False, row=1, col=column,
+    )  # fmt: skip
+    place = law.low ** (1 - at) * law.high**at
+    figure.add_annotation(
+        x=np.log10(place), y=np.log10(law.at(place)), text=exponent(law), showarrow=False, xanchor="right", yshift=9,
+        row=1, col=column, font={"size": 12, "color": run_style(study.engine, study.preset)["color"]},
+    )  # fmt: skip

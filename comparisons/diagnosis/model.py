@@ -1,0 +1,188 @@
+"""Suspects of a gate that failed: what differs in the built model says what was built wrong."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from ...engines.inspection import Dynamics, Inspectable, Inspection, State
+from ...engines.protocol import Engine
+from ...models.arrays import FloatArray
+from ...models.mechanism import Mechanism, Stop
+from ...reference.equations import Equations
+from ...reference.perturbed import WithJoint, WithoutCentrifugal
+from ..equivalence.checks import EXACT, Expected, compared, equality, expected, stops_misplaced
+from ..equivalence.random_states import random_states
+from ..runs.results import Cause, Diagnosis, Equality
+from .fit import Match, match
+from .suspects import machine_suspects, wall_suspects
+
+_NAMED = 6  # suspects that are kept
+_SMALL = 1e-6  # of an added term, in its unit
+_TELLING = 0.05  # of a deviation: what accounts for less is no suspect
+_ALIKE = 1e-6  # relative, or [rad]: of a value that was mistaken for another
+_READ_OFF = 0.9  # what is read off one figure gives way to what explains all of them
+
+
+def gate(engine: Engine, mechanism: Mechanism) -> tuple[Equality, Diagnosis | None]:
+    """The gate of equality, and what is suspect where it fails.
+
+    Raises:
+        TrebucheckError: the engine is not here, or cannot build the mechanism.
+    """
+    found = equality(engine, mechanism)
+    return found, None if found.holds else diagnose_gate(engine, mechanism, found)
+
+
+def diagnose_gate(engine: Engine, mechanism: Mechanism, broken: Equality) -> Diagnosis:
+    """What may have been built wrong, the likeliest first."""
+    worst = max(broken.broken, key=lambda check: math.inf if check.value is None else check.value / check.tolerance)
+    causes: list[Cause] = []
+    if isinstance(engine, Inspectable):
+        states = random_states(mechanism)
+        if broken.states:
+            inspection = engine.inspect(mechanism, states)
+            causes = [part for read in (_plain, _walls, _fitted) for part in read(mechanism, states, inspection)]
+            causes = _once(causes)
+        else:
+            causes = list(_unknown_stops(engine, mechanism, states))
+    causes.sort(key=lambda cause: -cause.explained)
+    return Diagnosis(leads=worst.label, causes=tuple(causes[:_NAMED]))
+
+
+def _once(causes: Sequence[Cause]) -> list[Cause]:
+    """Each name once, by what accounts for most."""
+    best: dict[str, Cause] = {}
+    for cause in causes:
+        if cause.name not in best or cause.explained > best[cause.name].explained:
+            best[cause.name] = cause
+    return list(best.values())
+
+
+def _unknown_stops(engine: Inspectable, mechanism: Mechanism, states: Sequence[State]) -> Iterator[Cause]:
+    """Stops without which the model can be looked into: it has none of that name."""
+    for stop in mechanism.stops:
+        without = [state for state in states if stop.name not in state.closed]
+        if len(without) < len(states):
+            with suppress(Exception):  # whatever the engine raises, it is not this stop alone
+                engine.inspect(mechanism, without)
+                yield Cause(name=f"{stop.name} missing", kind="law", explained=1.0)
+
+
+def _plain(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> Iterator[Cause]:
+    """What can be read off: where it starts, where its stops stand, which of them are there."""
+    for i, (name, mine, theirs) in enumerate(zip(mechanism.coordinates, found.start, mechanism.start, strict=True)):
+        if abs(mine - theirs) > EXACT * max(1.0, abs(theirs)):
+            mistake = _mistaken(float(mine), theirs)
+            amount = mistake or f"{mine - theirs:+.3g} {'rad' if i < len(mechanism.bodies) else 'm'}"
+            yield Cause(name=f"start of {name}", kind="start", amount=amount, explained=1.0 if mistake else _READ_OFF)
+    for name, gap in stops_misplaced(expected(mechanism, states), found.dynamics).items():
+        if abs(gap) > EXACT and isinstance(mechanism.stop(name), Stop):
+            amount = f"{math.degrees(gap):+.3g} deg"
+            yield Cause(name=f"place of the {name}", kind="machine", amount=amount, explained=_READ_OFF)
+    for stop in mechanism.stops:
+        pairs = zip(found.dynamics, states, strict=True)
+        held = [d.stop_torques.get(stop.name) for d, state in pairs if stop.name in state.closed]
+        if held and not any(held):
+            # A stop that stands elsewhere pushes as little as one that is not there: then its place is the cause.
+            yield Cause(name=f"{stop.name} missing", kind="law", explained=_READ_OFF / 2)
+
+
+def _walls(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> Iterator[Cause]:
+    """Walls that stand elsewhere, by the gaps alone: a point that is off its wall may be felt by nothing else."""
+    right = expected(mechanism, states)
+    deviation = _gaps(right, found.dynamics, found.dynamics)
+    if np.abs(deviation).max(initial=0.0) <= EXACT:
+        return
+    for suspect in wall_suspects(mechanism):
+        gaps = expected(suspect.wrong, states).gaps
+        shown = [replace(mine, stop_gaps=theirs) for mine, theirs in zip(found.dynamics, gaps, strict=True)]
+        matched = match(deviation, _gaps(right, shown, found.dynamics))
+        if matched.explained > _TELLING:
+            amount = suspect.amount(matched.factor)
+            yield Cause(name=suspect.name, kind=suspect.kind, amount=amount, explained=_READ_OFF * matched.explained)
+
+
+def _mistaken(mine: float, theirs: float) -> str:
+    """How one angle may have become another; '' if in no common way."""
+    size = max(1.0, abs(theirs))
+    readings = {
+        "sign": -theirs,
+        "degrees for radians": math.degrees(theirs),
+        "radians for degrees": math.radians(theirs),
+    }
+    return next((what for what, value in readings.items() if abs(mine - value) <= _ALIKE * size), "")
+
+
+def _fitted(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> Iterator[Cause]:
+    """Machines that would differ in the same way, start and stops included."""
+    right = expected(mechanism, states)
+    gaps = _gaps(right, found.dynamics, found.dynamics)
+    start = found.start - np.array(mechanism.start)
+    deviation = np.concatenate([compared(right, found.dynamics), start, gaps])
+    if not np.isfinite(deviation).all() or not deviation.any():
+        return
+    for suspect in machine_suspects(mechanism):
+        matched = _best(
+            match(deviation, signature, fixed=suspect.scale == 0)
+            for signature in _signatures(mechanism, right, suspect.wrong, states, found)
+        )
+        if matched.explained > _TELLING:
+            amount = suspect.amount(matched.factor)
+            yield Cause(name=suspect.name, kind=suspect.kind, amount=amount, explained=matched.explained)
+    nothing = np.zeros(len(start) + len(gaps))
+    for name, unit, equations in _other_laws(mechanism):
+        wrong = expected(mechanism, states, equations).as_dynamics(found.dynamics)
+        matched = match(deviation, np.concatenate([compared(right, wrong), nothing]), fixed=not unit)
+        if matched.explained > _TELLING:
+            amount = f"{matched.factor * _SMALL:.3g} {unit}" if unit else ""
+            yield Cause(name=name, kind="law", amount=amount, explained=matched.explained)
+
+
+def _best(matches: Iterable[Match]) -> Match:
+    return max(matches, key=lambda found: found.explained, default=Match(0.0, 0.0))
+
+
+def _other_laws(mechanism: Mechanism) -> Iterator[tuple[str, str, Equations]]:
+    """Equations with another term in them, or one less; name, unit of the term ('': not a matter of degree)."""
+    yield "velocity-dependent forces dropped", "", WithoutCentrifugal(mechanism)
+    for joint in mechanism.joints:
+        yield f"damping of the {joint.name}", "N m s/rad", WithJoint(mechanism, joint.name, damping=_SMALL)
+        yield f"armature of the {joint.name}", "kg m^2", WithJoint(mechanism, joint.name, armature=_SMALL)
+
+
+def _signatures(
+    mechanism: Mechanism,
+    right: Expected,
+    wrong: Mechanism,
+    states: Sequence[State],
+    found: Inspection,
+) -> Iterator[FloatArray]:
+    """What a wrong machine shows, in an engine with absolute coordinates and in one that counts from its start.
+
+    The latter stands off from where it is put by as much as its start is wrong. And a wrong place of a stop need not
+    have moved the start with it.
+    """
+    if {stop.name for stop in wrong.stops} < {stop.name for stop in mechanism.stops}:
+        return  # a stop less: that is read off
+    start = np.array(wrong.start) - np.array(mechanism.start)
+    none = np.zeros_like(start)
+    for shift, shown_start in ((none, start), (start, start), (none, none)) if start.any() else ((none, none),):
+        there = expected(wrong, [replace(state, q=state.q + shift) for state in states])
+        shown = there.as_dynamics(found.dynamics)
+        shown = [replace(mine, stop_gaps=gaps) for mine, gaps in zip(shown, there.gaps, strict=True)]
+        yield np.concatenate([compared(right, shown), shown_start, _gaps(right, shown, found.dynamics)])
+
+
+def _gaps(right: Expected, dynamics: Sequence[Dynamics], like: Sequence[Dynamics]) -> FloatArray:
+    """How far stops stand from their places [rad or m] wherever an engine tells; all states together count as one."""
+    apart = [
+        mine.stop_gaps[name] - theirs[name]
+        for mine, theirs, shown in zip(dynamics, right.gaps, like, strict=True)
+        for name in shown.stop_gaps
+    ]
+    return np.array(apart) / math.sqrt(len(right.gaps))

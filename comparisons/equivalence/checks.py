@@ -1,0 +1,262 @@
+"""Tier 0, before any motion: is the model that an engine has built the same machine?
+
+The built model is looked at in random states under every set of closed stops (:mod:`.random_states`) and set beside the
+reference's equations. Exposed quantities must agree to `EXACT`; where an engine shows its accelerations and forces
+only by a step it takes, their tolerance is the truncation and the rounding of that difference. A run whose gate
+fails is not compared: the motion of another machine says nothing about the engine.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...engines.inspection import Dynamics, Inspectable, Inspection, State
+from ...engines.protocol import BuiltinEngine, Engine
+from ...models.arrays import FloatArray
+from ...models.errors import SimulationError, UnsupportedProblemError
+from ...models.mechanism import Mechanism
+from ...reference.equations import Equations
+from ...reference.solver import natural_time
+from ..runs.results import Check, Equality
+from .random_states import random_states
+
+EXACT = 1e-10
+"""Of a quantity's size: four digits above rounding, and six below the smallest fault anyone would build in."""
+
+_COEFFICIENT = (
+    100.0  # stands for the coefficient of a difference's truncation, and for how a machine amplifies rounding
+)
+_EPS = float(np.finfo(np.float64).eps)
+_EXACT_REASON = "the engine's own quantities, to rounding"
+
+
+def equality(engine: Engine, mechanism: Mechanism) -> Equality:
+    """Compare an engine's built model with the reference's equations.
+
+    An engine that cannot be looked into passes with `exposed` false: then only its motion can tell.
+    """
+    if not isinstance(engine, Inspectable):
+        return Equality(exposed=False, note=f"{engine.name} does not show its built model; only its motion can tell.")
+    states = random_states(mechanism)
+    if isinstance(engine, BuiltinEngine):
+        engine.refuse_absence()
+    try:
+        inspection = engine.inspect(mechanism, states)
+    except (UnsupportedProblemError, SimulationError):
+        raise  # the run says it in its own words
+    except Exception as error:
+        note = f"{engine.name} could not be looked into: {type(error).__name__}: {error}"
+        return Equality(exposed=True, note=note, checks=(_unreadable(),))
+    return Equality(exposed=True, states=len(states), checks=tuple(_checks(mechanism, states, inspection)))
+
+
+def _unreadable() -> Check:
+    return Check(name="inspection", value=None, unit="1", tolerance=EXACT, reason=_EXACT_REASON)
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What the reference's equations say in the states; arrays of shape (n_states, ...)."""
+
+    mass: FloatArray
+    forces: FloatArray
+    accelerations: FloatArray
+    torques: tuple[dict[str, float], ...]
+    gaps: tuple[dict[str, float], ...]
+    """Of all stops, by state [rad]."""
+    bodies: tuple[str, ...]
+    centres: FloatArray
+    """Shape (n_states, n_bodies, 2) [m]."""
+
+    def as_dynamics(self, like: Sequence[Dynamics]) -> tuple[Dynamics, ...]:
+        """As an engine would show it that exposes just what another one does."""
+        return tuple(
+            Dynamics(
+                accelerations=self.accelerations[k],
+                stop_torques={name: self.torques[k].get(name, 0.0) for name in shown.stop_torques},
+                mass_matrix=None if shown.mass_matrix is None else self.mass[k],
+                forces=None if shown.forces is None else self.forces[k],
+                centres={name: self.centres[k, i] for i, name in enumerate(self.bodies) if name in shown.centres},
+            )
+            for k, shown in enumerate(like)
+        )
+
+
+def expected(mechanism: Mechanism, states: Sequence[State], equations: Equations | None = None) -> Expected:
+    """The reference's quantities in the states; by other equations than its own where a fault is to be seen."""
+    equations = equations or Equations(mechanism)
+    q, u = np.array([state.q for state in states]), np.array([state.u for state in states])
+    kinematics = equations.kinematics
+    solved = [equations.solve(state.q, state.u, state.closed) for state in states]
+    rows = [kinematics.point(body.name, body.centre) for body in mechanism.bodies]
+    return Expected(
+        mass=equations.mass_matrix(q),
+        forces=equations.gravity_forces(q) - equations.bias(q, u),
+        accelerations=np.array([accelerations for accelerations, _ in solved]),
+        torques=tuple(
+            dict(zip(state.closed, multipliers[equations.n_loops :].tolist(), strict=True))
+            for state, (_, multipliers) in zip(states, solved, strict=True)
+        ),
+        gaps=tuple(
+            {stop.name: float(kinematics.gap(stop.name, state.q)) for stop in mechanism.stops} for state in states
+        ),
+        bodies=tuple(body.name for body in mechanism.bodies),
+        centres=np.stack([kinematics.position(row, q) for row in rows], axis=1),
+    )
+
+
+def compared(want: Expected, dynamics: Sequence[Dynamics]) -> FloatArray:
+    """All exposed differences in one flat vector, each kind in units of its size: M, f, a, torques, centres."""
+    parts: list[FloatArray] = []
+    for k, mine in enumerate(dynamics):
+        diagonal = np.sqrt(np.diag(want.mass[k]))
+        if mine.mass_matrix is not None:
+            parts.append((mine.mass_matrix - want.mass[k]) / np.outer(diagonal, diagonal))
+        if mine.forces is not None:
+            parts.append((mine.forces - want.forces[k]) / _scale_of(want.forces))
+        parts.append((mine.accelerations - want.accelerations[k]) / _scale_of(want.accelerations))
+        for name, torque in want.torques[k].items():
+            size = max(abs(torques.get(name, 0.0)) for torques in want.torques)
+            parts.append(np.array([(mine.stop_torques.get(name, math.nan) - torque) / size]))
+        reach = float(np.abs(want.centres).max()) or 1.0
+        parts += [
+            (mine.centres[name] - want.centres[k, i]) / reach
+            for i, name in enumerate(want.bodies)
+            if name in mine.centres
+        ]
+    return np.concatenate([np.ravel(part) for part in parts])
+
+
+def _scale_of(values: FloatArray) -> FloatArray:
+    """Size of each component over all states; one on which hardly anything acts is measured by the others.
+
+    Args:
+        values: shape (n_states, n_components).
+    """
+    scale = np.abs(values).max(axis=0)
+    return np.maximum(scale, 1e-3 * scale.max())
+
+
+def _checks(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> Iterator[Check]:
+    want = expected(mechanism, states)
+    yield from _whole(mechanism, found)
+    yield from _exact(mechanism, want, found.dynamics)
+    tolerance, reason = _difference_tolerance(mechanism, states, found)
+    scale = _scale_of(want.accelerations)
+    mine = np.array([d.accelerations for d in found.dynamics])
+    yield _by_name("acceleration", mechanism.coordinates, np.abs(mine - want.accelerations), scale, tolerance, reason)
+    yield from _torques(want, found.dynamics, tolerance, reason)
+    misplaced = stops_misplaced(want, found.dynamics)
+    if misplaced:
+        worst = max(misplaced, key=lambda name: abs(misplaced[name]))
+        yield Check(
+            name="stop position",
+            subject=worst,
+            value=abs(misplaced[worst]),
+            unit=mechanism.stop(worst).gap_unit,
+            tolerance=EXACT,
+            reason=_EXACT_REASON,
+        )
+
+
+def stops_misplaced(want: Expected, dynamics: Sequence[Dynamics]) -> dict[str, float]:
+    """How far from its place each stop stands by the engine's own measure [rad or m], where that is largest."""
+    found: dict[str, float] = {}
+    for mine, theirs in zip(dynamics, want.gaps, strict=True):
+        for name, gap in mine.stop_gaps.items():
+            found[name] = max(found.get(name, 0.0), gap - theirs[name], key=abs)
+    return found
+
+
+def _whole(mechanism: Mechanism, found: Inspection) -> Iterator[Check]:
+    """Total mass and start."""
+    if found.total_mass is not None:
+        total = sum(body.mass for body in mechanism.bodies)
+        yield _exactly("total mass", None, abs(found.total_mass - total) / total)
+    names = mechanism.coordinates
+    apart = np.abs(found.start - np.array(mechanism.start))
+    yield _by_name("start", names, apart[None], np.maximum(1.0, np.abs(mechanism.start)))
+    speeds = np.array(mechanism.start_speeds or [0.0] * len(names))
+    yield _by_name("start speed", names, np.abs(found.start_speeds - speeds)[None], np.maximum(1.0, np.abs(speeds)))
+
+
+def _exact(mechanism: Mechanism, want: Expected, dynamics: Sequence[Dynamics]) -> Iterator[Check]:
+    """Centres, mass matrix and forces, where the engine has them."""
+    names = mechanism.coordinates
+    bodies = [body.name for body in mechanism.bodies]
+    if all(set(bodies) <= set(d.centres) for d in dynamics):
+        mine = np.array([[d.centres[name] for name in bodies] for d in dynamics])
+        reach = np.full(len(bodies), float(np.abs(want.centres).max()) or 1.0)
+        yield _by_name("centre of mass", bodies, np.linalg.norm(mine - want.centres, axis=2), reach)
+    masses = [d.mass_matrix for d in dynamics if d.mass_matrix is not None]
+    if len(masses) == len(dynamics):
+        size = np.sqrt(np.einsum("ni,nj->nij", *[np.einsum("nii->ni", want.mass)] * 2))
+        apart = (np.abs(np.array(masses) - want.mass) / size).reshape(len(masses), -1)
+        pairs = [f"{a}, {b}" for a in names for b in names]
+        yield _by_name("mass matrix", pairs, apart, np.ones(len(pairs)))
+    forces = [d.forces for d in dynamics if d.forces is not None]
+    if len(forces) == len(dynamics):
+        yield _by_name("force", names, np.abs(np.array(forces) - want.forces), _scale_of(want.forces))
+
+
+def _torques(want: Expected, dynamics: Sequence[Dynamics], tolerance: float, reason: str) -> Iterator[Check]:
+    names = dict.fromkeys(name for torques in want.torques for name in torques)
+    for name in names:
+        pairs = [(d.stop_torques.get(name), t[name]) for d, t in zip(dynamics, want.torques, strict=True) if name in t]
+        size = max(abs(theirs) for _, theirs in pairs)
+        missing = any(mine is None for mine, _ in pairs)
+        worst = max((abs(mine - theirs) for mine, theirs in pairs if mine is not None), default=0.0) / size
+        yield Check(
+            name="stop torque",
+            subject=name,
+            value=None if missing else worst,
+            unit="1",
+            tolerance=tolerance,
+            reason=reason,
+        )
+
+
+def _difference_tolerance(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> tuple[float, str]:
+    """Tolerance of accelerations and torques, relative, and why.
+
+    A difference over a step h of a motion with rates w has a truncation of (h w)^p; a length's rounding of eps L
+    enters accelerations of size g as eps L / (g h^2).
+    """
+    if found.differences is None:
+        return EXACT, _EXACT_REASON
+    step, order = found.differences.step, found.differences.order
+    time = natural_time(mechanism)
+    rate = max(float(np.abs(state.u).max()) for state in states) + 1.0 / time
+    rounding = _EPS * (time / step) ** 2
+    tolerance = max(EXACT, _COEFFICIENT * ((step * rate) ** order + rounding))
+    return tolerance, f"differences over {step:g} s of order {order}: their truncation and rounding"
+
+
+def _exactly(name: str, subject: str | None, value: float) -> Check:
+    return Check(name=name, subject=subject, value=value, unit="1", tolerance=EXACT, reason=_EXACT_REASON)
+
+
+def _by_name(
+    name: str,
+    subjects: Sequence[str],
+    apart: FloatArray,
+    scale: FloatArray,
+    tolerance: float = EXACT,
+    reason: str = _EXACT_REASON,
+) -> Check:
+    """The worst of all states and subjects; `apart` has shape (n_states, n_subjects), `scale` (n_subjects,)."""
+    relative = apart.max(axis=0) / np.where(scale > 0, scale, 1.0)
+    worst = int(np.argmax(np.nan_to_num(relative, nan=np.inf)))
+    value = float(relative[worst])
+    return Check(
+        name=name,
+        subject=subjects[worst],
+        value=value if np.isfinite(value) else None,
+        unit="1",
+        tolerance=tolerance,
+        reason=reason,
+    )

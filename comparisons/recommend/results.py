@@ -1,0 +1,100 @@
+"""What the advice is, as data: the content of recommend.json and its schema."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Literal
+
+from pydantic import Field, JsonValue
+
+from ...models.mechanism import Mechanism
+from ...models.spec import Real, Spec
+from .target import Asked
+
+FORMAT = "trebucheck-recommend-1"
+
+
+class Obstacle(StrEnum):
+    """What keeps an error from falling further, as its course over the steps shows."""
+
+    STEP = "the time step"
+    FLOOR = "a floor"
+    CONSTANT = "not the step"
+    ROUNDING = "rounding"
+    FAILURE = "failure"
+
+
+class Errors(Spec):
+    """The largest errors up to the launch; None: there is no such figure."""
+
+    position: Real | None = Field(description="[m]")
+    torque: Real | None = Field(description="[N m, or N on points]")
+    torque_share: Real | None = Field(description="of the largest stop torque of the machine's own reference")
+    release: Real | None = Field(description="[s]")
+
+
+class Attempt(Spec):
+    """One set of options, followed over the steps."""
+
+    options: str = Field(description="name of the set")
+    words: str
+    step: Real | None = Field(description="longest step at which it reaches what is asked; None: it does not [s]")
+    wall_time: Real | None = Field(description="of the machine asked about, at that step, once [s]")
+    steps_tried: tuple[Real, ...] = Field(description="[s]")
+    worst: Real | None = Field(description="least found of the worst error over what is asked; None: runs failed")
+    note: str = Field(description="why it was not followed further")
+
+
+class Choice(Spec):
+    """Settings that reach what is asked, all measured."""
+
+    options: str = Field(description="name of the set")
+    words: str
+    preset: str
+    changes: dict[str, JsonValue] = Field(description="what to set over the preset, the time step included")
+    settings: dict[str, JsonValue] = Field(description="every numerical option")
+    step: Real = Field(description="[s]")
+    here: Errors = Field(description="on the machine asked about")
+    worst_neighbour: Errors | None = Field(description="the worst of each, over the neighbours measured")
+    wall_time: Real = Field(description="median, of the machine asked about, warm [s]")
+    wall_times: tuple[Real, ...] = Field(description="[s]")
+
+
+class EngineAdvice(Spec):
+    """For one engine: settings, or why there are none."""
+
+    engine: str
+    engine_version: str
+    choice: Choice | None
+    obstacle: Obstacle | None = None
+    message: str | None = Field(default=None, description="what was reached and what stands in the way")
+    attempts: tuple[Attempt, ...] = ()
+    snippets: dict[str, str] = Field(default_factory=dict, description="texts to paste, by what they are for")
+
+
+class NeighbourMachine(Spec):
+    """A machine of the same kind."""
+
+    made_with: dict[str, Real] = Field(description="its parameters that differ, or factors on a mechanism's own")
+    mechanism_hash: str
+
+
+class Advice(Spec):
+    """What is recommended for one machine, and on what evidence."""
+
+    format: Literal["trebucheck-recommend-1"] = FORMAT
+    trebucheck_version: str
+    python_version: str
+    platform: str
+    model: str
+    mechanism: Mechanism
+    mechanism_hash: str
+    asked: Asked
+    rule: str = Field(description="what the settings were measured on")
+    neighbours: tuple[NeighbourMachine, ...]
+    measured_neighbours: Annotated[int, Field(ge=0)] = Field(description="the hardest, measured at every step tried")
+    engines: tuple[EngineAdvice, ...]
+
+    def engine(self, name: str) -> EngineAdvice:
+        """The advice for the engine of that name."""
+        return next(advice for advice in self.engines if advice.engine == name)

@@ -1,0 +1,1 @@
+"""Showing results: documents of blocks, and their renderers for page, terminal and Markdown."""

@@ -1,0 +1,56 @@
+"""What all plots share: their dress, the drawn machine, and how they enter a page."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import plotly.graph_objects as go
+
+from ...models.arrays import FloatArray
+from ...models.kinematics import Kinematics
+from ...models.mechanism import Mechanism
+
+ENGINE_COLOURS = {"reference": "#444444", "mujoco": "#1f77b4", "pymunk": "#d9730d", "exudyn": "#2a9d5c"}
+"""The same on every page."""
+PLUG_IN_COLOURS = ("#9467bd", "#8c564b", "#e377c2", "#17becf")
+"""Of engines that are not among them."""
+
+
+def run_style(engine: str, preset: str) -> dict[str, Any]:
+    """Colour by engine, dashes by preset."""
+    other = PLUG_IN_COLOURS[sum(map(ord, engine)) % len(PLUG_IN_COLOURS)]
+    return {"color": ENGINE_COLOURS.get(engine, other), "dash": "solid" if preset == "tuned" else "dot", "width": 1.6}
+
+
+def embedded(plot: go.Figure) -> str:
+    """A figure as HTML that needs plotly.js on its page."""
+    options: dict[str, Any] = {"displaylogo": False, "responsive": True}
+    return str(plot.to_html(full_html=False, include_plotlyjs=False, config=options))
+
+
+def finish(figure: go.Figure, height: int, legend_at: float = -0.16) -> go.Figure:
+    """Dress a figure: height in pixels, legend below at that share of the height."""
+    figure.update_layout(
+        template="plotly_white",
+        height=height,
+        margin={"l": 70, "r": 20, "t": 50, "b": 50},
+        legend={"orientation": "h", "y": legend_at},
+        font={"family": "system-ui, sans-serif", "size": 13},
+    )
+    return figure
+
+
+def skeleton(mechanism: Mechanism, kinematics: Kinematics, q: FloatArray) -> tuple[list[float], list[float]]:
+    """Each body as the polyline of its joints, markers and centre, one after the other with gaps between [m]."""
+    xs: list[float] = []
+    ys: list[float] = []
+    for body in mechanism.bodies:
+        points = {body.centre}
+        points |= {joint.child_point for joint in mechanism.joints if joint.child == body.name}
+        points |= {joint.parent_point for joint in mechanism.joints if joint.parent == body.name}
+        points |= {marker.point for marker in mechanism.markers if marker.body == body.name}
+        where = [kinematics.position(kinematics.point(body.name, point), q) for point in sorted(points)]
+        xs += [*(float(p[0]) for p in where), math.nan]
+        ys += [*(float(p[1]) for p in where), math.nan]
+    return xs, ys

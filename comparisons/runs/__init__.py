@@ -1,0 +1,1 @@
+"""Running engines and measuring what they return: the part that every command shares."""

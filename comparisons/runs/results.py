@@ -1,0 +1,189 @@
+"""What a comparison finds, as data: the content of results.json and its schema."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Literal
+
+from pydantic import Field, JsonValue
+
+from ...models.mechanism import Mechanism
+from ...models.spec import Real, Spec
+
+FORMAT = "trebucheck-results-1"
+
+
+class Outcome(StrEnum):
+    """How a run ended; the text is what the table shows."""
+
+    OK = "ok"
+    BROKEN = "tolerance broken"
+    UNEQUAL = "not the same machine"
+    FAILED = "failed"
+    ABSENT = "not installed"
+    UNSUPPORTED = "not supported"
+
+
+class Metric(Spec):
+    """One figure of a run, a distance from the reference unless its name says otherwise.
+
+    `value` is None where there is nothing to compare; `note` then says why.
+    """
+
+    name: str
+    subject: str | None = Field(default=None, description="marker, stop or joint it is about")
+    value: Real | None
+    unit: str
+    tolerance: Real | None = None
+    reason: str | None = Field(default=None, description="where the tolerance comes from")
+    note: str | None = None
+
+    @property
+    def label(self) -> str:
+        """Name and subject in one."""
+        return self.name if self.subject is None else f"{self.name} ({self.subject})"
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether the tolerance holds; None without one. A judged figure that is missing does not hold."""
+        if self.tolerance is None:
+            return None
+        return self.value is not None and abs(self.value) <= self.tolerance
+
+
+class Check(Spec):
+    """One figure of the gate: built model against the reference's equations, the worst of all states."""
+
+    name: str
+    subject: str | None = Field(default=None, description="coordinate, body or stop in which it is worst")
+    value: Real | None = Field(description="None where the engine gave no number")
+    unit: str
+    tolerance: Real
+    reason: str = Field(description="where the tolerance comes from")
+
+    @property
+    def label(self) -> str:
+        """Name and subject in one."""
+        return self.name if self.subject is None else f"{self.name} ({self.subject})"
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is within its tolerance; a missing number is not."""
+        return self.value is not None and self.value <= self.tolerance
+
+
+class Equality(Spec):
+    """Whether an engine has built the same machine, before any motion."""
+
+    exposed: bool = Field(description="whether the engine shows its built model at all")
+    note: str | None = None
+    states: Annotated[int, Field(ge=0)] = Field(default=0, description="random states looked at")
+    checks: tuple[Check, ...] = ()
+
+    @property
+    def holds(self) -> bool:
+        """No check fails. An engine that shows nothing fails nothing."""
+        return all(check.holds for check in self.checks)
+
+    @property
+    def broken(self) -> tuple[Check, ...]:
+        """Checks that fail."""
+        return tuple(check for check in self.checks if not check.holds)
+
+
+class Cause(Spec):
+    """A suspect: what may be wrong, and how much of the deviation it accounts for."""
+
+    name: str
+    kind: Literal["machine", "start", "law", "reading", "settings"] = Field(
+        description="where it would have to be mended"
+    )
+    amount: str = Field(default="", description="how large it would have to be, in words")
+    explained: Real = Field(description="share of the deviation it accounts for, 1: all of it")
+
+
+class Diagnosis(Spec):
+    """Where and how a run first parts from the reference, and what is likely to be wrong."""
+
+    leads: str = Field(description="label of the figure that leaves its tolerance first")
+    parts_at: Real | None = Field(default=None, description="when that happens [s]; None before any motion")
+    holding: tuple[str, ...] = Field(default=(), description="stops that held in the reference at that time")
+    causes: tuple[Cause, ...] = Field(default=(), description="the likeliest first")
+
+
+class Run(Spec):
+    """One engine, preset and machine."""
+
+    model: str
+    engine: str
+    preset: str
+    outcome: Outcome
+    message: str | None = Field(default=None, description="why it failed")
+    engine_version: str
+    settings: dict[str, JsonValue] = Field(default_factory=dict)
+    steps: Annotated[int, Field(ge=0)] = 0
+    wall_time: Real | None = Field(default=None, description="of the whole simulate, first call warm [s]")
+    equality: Equality | None = Field(default=None, description="None where the engine never came to be built")
+    metrics: tuple[Metric, ...] = ()
+    diagnosis: Diagnosis | None = Field(default=None, description="of a run that failed its gate or a tolerance")
+
+    @property
+    def label(self) -> str:
+        """Engine and preset in one."""
+        return f"{self.engine} {self.preset}"
+
+    @property
+    def broken(self) -> tuple[Metric, ...]:
+        """Metrics whose tolerance does not hold."""
+        return tuple(m for m in self.metrics if m.holds is False)
+
+    def metric(self, name: str, subject: str | None = None) -> Metric | None:
+        """The metric of that name and subject, if the run has it."""
+        return next((m for m in self.metrics if (m.name, m.subject) == (name, subject)), None)
+
+
+class Pair(Spec):
+    """Two runs of one machine against each other."""
+
+    model: str
+    first: str
+    second: str
+    position_max: Real | None = Field(description="of the projectile [m]; None without a projectile")
+    release_time_max: Real | None = Field(description="[s]; None if not the same stops opened")
+    launch_speed: Real | None = Field(description="[m/s]; None if one of them does not launch")
+
+
+class Machine(Spec):
+    """A machine as compared, with the reference's figures."""
+
+    model: str
+    mechanism: Mechanism
+    mechanism_hash: str
+    table_one: bool = Field(description="whether it is the paper's Table I machine")
+    compared_to: Real = Field(description="end of the compared motion: the launch, or the duration [s]")
+    launch_time: Real | None
+    launch_speed: Real | None
+    impacts: Annotated[int, Field(ge=0)] = Field(description="of the reference within the compared motion")
+    reference_uncertainty: dict[str, Real] = Field(
+        default_factory=dict, description="of the reference, by the metric it enters, in the metric's unit"
+    )
+    uncertainty_source: str = Field(default="unknown", description="certificate, or estimate")
+    release_times: dict[str, Real | None]
+    start_torques: dict[str, Real]
+
+
+class Results(Spec):
+    """The whole of a comparison."""
+
+    format: Literal["trebucheck-results-1"] = FORMAT
+    trebucheck_version: str
+    python_version: str
+    platform: str
+    machines: tuple[Machine, ...]
+    runs: tuple[Run, ...]
+    pairs: tuple[Pair, ...]
+
+    @property
+    def passed(self) -> bool:
+        """No tolerance broken, no gate failed, no run failed. An engine that is not installed is no disagreement."""
+        return all(run.outcome not in (Outcome.BROKEN, Outcome.UNEQUAL, Outcome.FAILED) for run in self.runs)

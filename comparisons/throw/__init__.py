@@ -1,0 +1,1 @@
+"""`trebucheck throw`: the pictures and tables of one throw."""

@@ -1,0 +1,1 @@
+"""The Exudyn adapter. Absolute imports of `exudyn` inside this package mean the library."""

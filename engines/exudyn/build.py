@@ -1,0 +1,319 @@
+"""A mechanism as an Exudyn system: redundant coordinates, joints and stops as algebraic constraints.
+
+Every body is a 2D node at its centre of mass, with a rotation that is positive *anticlockwise*: the mechanism's
+angles have the opposite sign. What is to be reported is asked of Exudyn by sensors.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Generator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ...models.arrays import FloatArray
+from ...models.errors import UnsupportedProblemError
+from ...models.kinematics import Kinematics
+from ...models.mechanism import GROUND, Joint, Marker, Mechanism, PointStop, SlotJoint, Stop
+from ...models.problem import StopLaw
+from ...models.spec import Vector
+
+exu: Any = importlib.import_module("exudyn")
+items: Any = importlib.import_module("exudyn.itemInterface")
+
+_STILL = 1e-12  # [rad/s], [m/s], or of the speeds it is a sum of: a gap speed below this is their rounding
+
+SensorKey = tuple[str, str, str]
+"""Kind of item (body, marker, joint, stop), its name, the quantity as Exudyn calls it."""
+
+Values = Callable[[SensorKey], FloatArray]
+"""Values of a sensor, shape (n, components): over a table, or one row of the present."""
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A stop as a spring and damper between the rotations, or between a point and its wall."""
+
+    stiffness: float
+    """[N m/rad, N/m]"""
+    damping: float = 0.0
+    """[N m s/rad, N s/m]"""
+    torque: float = 0.0
+    """With the gap closed and at rest [N m, N]."""
+
+
+@dataclass(frozen=True)
+class System:
+    """An assembled Exudyn system and the numbers of its items."""
+
+    mechanism: Mechanism
+    container: Any
+    """Owns the system: it must live as long."""
+    main: Any
+    nodes: dict[str, int] = field(default_factory=dict[str, int])
+    bodies: dict[str, int] = field(default_factory=dict[str, int])
+    stops: dict[str, int] = field(default_factory=dict[str, int])
+    """Items of the stops: of all under the unilateral law, else of those that touch at the start: no other acts."""
+    springs: Mapping[str, Spring] = field(default_factory=dict[str, Spring])
+    """Of the stops, where they are springs; empty where they are constraints."""
+    sensors: dict[SensorKey, int] = field(default_factory=dict[SensorKey, int])
+
+    def sense(self, stop: str) -> int:
+        """What a connector's displacement must be multiplied by to grow as the gap closes: 1 or -1."""
+        found = self.mechanism.stop(stop)
+        return 1 if isinstance(found, PointStop) else found.sense
+
+    def torque(self, stop: str) -> float:
+        """Torque (or force) of a stop at the current state [N m, N]."""
+        return float(self.torques(stop, self.now)[0])
+
+    def torques(self, stop: str, values: Values) -> FloatArray:
+        """Torque (or force) of a stop that acts [N m, N], shape (n,)."""
+        found = self.mechanism.stop(stop)
+        if isinstance(found, Stop):
+            return found.sense * values(("stop", stop, "Force"))[:, 0]
+        force = values(("stop", stop, "ForceLocal"))
+        if self.springs:
+            return force[:, 0]
+        return turned(force, self._rotations(found.body, values)) @ np.array(found.normal)
+
+    def now(self, sensor: SensorKey) -> FloatArray:
+        """Values of a sensor at the current state, shape (1, components)."""
+        return np.atleast_2d(np.asarray(self.main.GetSensorValues(self.sensors[sensor]), dtype=np.float64))
+
+    def set_closed(self, closed: tuple[str, ...]) -> None:
+        """Make exactly these stops act."""
+        for name, number in self.stops.items():
+            self.main.SetObjectParameter(number, "activeConnector", name in closed)
+
+    def gap(self, stop: str) -> float:
+        """Gap of a stop that touches at the start, by its connector's own measure [rad, m]."""
+        found = self.mechanism.stop(stop)
+        if isinstance(found, PointStop) and not self.springs:
+            # From the point to the wall, in the body's frame.
+            apart = np.atleast_2d(self._connector(stop, "DisplacementLocal"))
+            return -float(turned(apart, self._rotations(found.body, self.now))[0] @ np.array(found.normal))
+        # A constraint's own equation includes its offset; a spring's is its preload, and no gap.
+        angular = "Displacement" if self.springs else "ConstraintEquation"
+        variable = "DisplacementLocal" if isinstance(found, PointStop) else angular
+        return -self.sense(stop) * float(self._connector(stop, variable))
+
+    def _connector(self, stop: str, variable: str) -> FloatArray:
+        return np.asarray(self.main.GetObjectOutput(self.stops[stop], getattr(exu.OutputVariableType, variable)))
+
+    def _rotations(self, body: str, values: Values) -> FloatArray:
+        return values(("body", body, "CoordinatesTotal"))[:, 2]
+
+    def preload(self, stop: str, torque: float) -> None:
+        """Give a stop's spring this torque (or force) with the gap closed and at rest [N m, N]."""
+        self.main.SetObjectParameter(self.stops[stop], "offset", self._offset(stop, torque))
+
+    def _offset(self, stop: str, torque: float) -> float:
+        return -self.sense(stop) * torque / self.springs[stop].stiffness
+
+    def local(self, body: str, point: Vector) -> list[float]:
+        """A point of a body from its centre of mass, where Exudyn's node stands [m]."""
+        if body == GROUND:
+            return [*point, 0.0]
+        centre = self.mechanism.body(body).centre
+        return [point[0] - centre[0], point[1] - centre[1], 0.0]
+
+    def spring(self, stop: str, markers: list[int]) -> Any:
+        """The item of a stop's spring: its torque grows as the gap closes."""
+        spring, found = self.springs[stop], self.mechanism.stop(stop)
+        fields: dict[str, Any] = {
+            "markerNumbers": markers,
+            "stiffness": spring.stiffness,
+            "damping": spring.damping,
+            "offset": self._offset(stop, spring.torque),
+        }
+        if isinstance(found, PointStop):
+            into = [-found.normal[0], -found.normal[1], 0.0]
+            return items.ObjectConnectorLinearSpringDamper(axisMarker0=into, **fields)
+        return items.ObjectConnectorCoordinateSpringDamper(**fields)
+
+
+def turned(local: FloatArray, rotation: FloatArray) -> FloatArray:
+    """Vectors of a body's frame in the world's, shape (n, 2); rotations [rad] anticlockwise, shape (n,)."""
+    world = (local[:, 0] + 1j * local[:, 1]) * np.exp(1j * rotation)
+    return np.stack([world.real, world.imag], axis=-1)
+
+
+@contextmanager
+def silence() -> Generator[None]:
+    """Keep Exudyn from writing to the console, as it does when a step fails, and leave it as it was."""
+    before = exu.config.printToConsole, exu.config.suppressWarnings
+    exu.config.printToConsole, exu.config.suppressWarnings = False, True
+    try:
+        yield
+    finally:
+        exu.config.printToConsole, exu.config.suppressWarnings = before
+
+
+def build(
+    mechanism: Mechanism, springs: Mapping[str, Spring] | None = None, law: StopLaw = StopLaw.RELEASE_ONCE
+) -> System:
+    """Build and assemble the system at its start.
+
+    Args:
+        mechanism: what to build.
+        springs: of the stops that act; none: the stops that touch are constraints.
+        law: of the stops; under the unilateral one those that are open at the start are built, too.
+
+    Raises:
+        UnsupportedProblemError: a touching stop is being left or hit at the start, or a slot carries the ground.
+    """
+    _refuse_what_cannot_be_built(mechanism)
+    container = exu.SystemContainer()
+    system = System(mechanism, container, container.AddSystem(), springs=springs or {})
+    return _Builder(system, law).build()
+
+
+def _refuse_what_cannot_be_built(mechanism: Mechanism) -> None:
+    kinematics, q, u = Kinematics(mechanism), np.array(mechanism.start), start_speeds(mechanism)
+    for stop in mechanism.stops:
+        # Index 2 would hold the gap's speed at zero from the first step: an impact nobody asked for.
+        terms = kinematics.gap_gradient(stop.name, q) * u
+        if stop.closed and abs(terms.sum()) > _STILL * max(1.0, float(np.abs(terms).sum())):
+            unit = "m/s" if isinstance(stop, PointStop) else "rad/s"
+            raise UnsupportedProblemError(
+                f"exudyn cannot start with stop {stop.name!r} closed while its gap changes at {terms.sum():.3g} {unit}."
+            )
+        if isinstance(stop, PointStop) and stop.body == GROUND:
+            raise UnsupportedProblemError(f"exudyn cannot build {stop.name!r}: a stop on a point of the ground.")
+    for joint in mechanism.joints:
+        if isinstance(joint, SlotJoint) and joint.child == GROUND:
+            raise UnsupportedProblemError(f"exudyn cannot build {joint.name!r}: a slot in the ground holds the ground.")
+
+
+def start_speeds(mechanism: Mechanism) -> FloatArray:
+    """Speeds at t = 0 [rad/s or m/s], shape (n_q,)."""
+    return np.array(mechanism.start_speeds or [0.0] * len(mechanism.coordinates))
+
+
+@dataclass(frozen=True)
+class _Builder:
+    system: System
+    law: StopLaw
+
+    def build(self) -> System:
+        self._add_bodies()
+        ground = self.system.main.AddObject(items.ObjectGround())
+        self.system.bodies[GROUND] = int(ground)
+        self.system.nodes[GROUND] = int(self.system.main.AddNode(items.NodePointGround()))
+        for joint in self.system.mechanism.joints:
+            self._add_joint(joint)
+        for stop in self.system.mechanism.stops:
+            if self._acts(stop):
+                self._add_stop(stop)
+        for marker in self.system.mechanism.markers:
+            self._observe_point("marker", marker.name, marker)
+        self.system.main.Assemble()
+        return self.system
+
+    def _acts(self, stop: Stop | PointStop) -> bool:
+        if self.system.springs:
+            return stop.name in self.system.springs
+        return stop.closed or self.law is StopLaw.UNILATERAL
+
+    def _add_bodies(self) -> None:
+        mechanism, main = self.system.mechanism, self.system.main
+        kinematics, q, u = Kinematics(mechanism), np.array(mechanism.start), start_speeds(mechanism)
+        for i, body in enumerate(mechanism.bodies):
+            row = kinematics.point(body.name, body.centre)
+            at, speed = kinematics.position(row, q), kinematics.velocity(row, q, u)
+            node = main.AddNode(
+                items.NodeRigidBody2D(
+                    referenceCoordinates=[*at.tolist(), -float(q[i])], initialVelocities=[*speed.tolist(), -float(u[i])]
+                )
+            )
+            number = main.AddObject(items.ObjectRigidBody2D(mass=body.mass, inertia=body.inertia, nodeNumber=node))
+            weight = [0.0, -mechanism.gravity, 0.0]
+            on = main.AddMarker(items.MarkerBodyMass(bodyNumber=number))
+            main.AddLoad(items.LoadMassProportional(markerNumber=on, loadVector=weight))
+            self.system.nodes[body.name], self.system.bodies[body.name] = int(node), int(number)
+            self._observe_body(body.name)
+
+    def _observe_body(self, name: str) -> None:
+        for quantity in ("CoordinatesTotal", "Coordinates", "Coordinates_t"):
+            self._observe(items.SensorNode, ("body", name, quantity), nodeNumber=self.system.nodes[name])
+        self._observe(items.SensorBody, ("body", name, "KineticEnergy"), bodyNumber=self.system.bodies[name])
+
+    def _observe_point(
+        self, kind: str, name: str, marker: Marker, quantities: tuple[str, ...] = ("Position", "Velocity")
+    ) -> None:
+        number, local = self.system.bodies[marker.body], self.system.local(marker.body, marker.point)
+        for quantity in quantities:
+            self._observe(items.SensorBody, (kind, name, quantity), bodyNumber=number, localPosition=local)
+
+    def _observe(self, sensor: Any, key: SensorKey, **where: Any) -> None:
+        variable = getattr(exu.OutputVariableType, key[2])
+        stored = sensor(outputVariableType=variable, storeInternal=True, writeToFile=False, **where)
+        self.system.sensors[key] = int(self.system.main.AddSensor(stored))
+
+    def _frame(self, body: str, point: Vector) -> int:
+        at = self.system.local(body, point)
+        return int(
+            self.system.main.AddMarker(items.MarkerBodyRigid(bodyNumber=self.system.bodies[body], localPosition=at))
+        )
+
+    def _add_joint(self, joint: Joint) -> None:
+        markers = [self._frame(joint.child, joint.child_point), self._frame(joint.parent, joint.parent_point)]
+        if isinstance(joint, SlotJoint):
+            self._add_slot(joint, markers)
+            return
+        number = int(self.system.main.AddObject(items.ObjectJointRevolute2D(markerNumbers=markers)))
+        for quantity in ("Force", "Displacement"):
+            self._observe(items.SensorObject, ("joint", joint.name, quantity), objectNumber=number)
+
+    def _add_slot(self, joint: SlotJoint, markers: list[int]) -> None:
+        x, y = joint.axis
+        number = int(self.system.main.AddObject(self._line(markers, (-y, x))))
+        self._observe(items.SensorObject, ("joint", joint.name, "ForceLocal"), objectNumber=number)
+        self._observe_point("joint", joint.name, Marker(name=joint.name, body=joint.child, point=joint.child_point))
+
+    def _add_stop(self, stop: Stop | PointStop) -> None:
+        item = self._wall(stop) if isinstance(stop, PointStop) else self._limit(stop)
+        number = int(self.system.main.AddObject(item))
+        self.system.stops[stop.name] = number
+        force = "ForceLocal" if isinstance(stop, PointStop) else "Force"
+        self._observe(items.SensorObject, ("stop", stop.name, force), objectNumber=number)
+        if isinstance(stop, PointStop):
+            at = Marker(name=stop.name, body=stop.body, point=stop.point)
+            self._observe_point("stop", stop.name, at, ("Position", "Velocity", "Acceleration"))
+
+    def _limit(self, stop: Stop) -> Any:
+        # Coordinates count from the reference, and a closed stop's gap is zero there: it needs no offset.
+        markers = [self._rotation(stop.relative_to), self._rotation(stop.body)]
+        if self.system.springs:
+            return self.system.spring(stop.name, markers)
+        mechanism = self.system.mechanism
+        open_by = 0.0 if stop.closed else float(Kinematics(mechanism).gap(stop.name, np.array(mechanism.start)))
+        return items.ObjectConnectorCoordinate(markerNumbers=markers, offset=stop.sense * open_by)
+
+    def _wall(self, stop: PointStop) -> Any:
+        x, y = stop.normal
+        point = self._frame(stop.body, stop.point)
+        wall = self._frame(GROUND, (x * stop.offset, y * stop.offset))
+        if self.system.springs:
+            return self.system.spring(stop.name, [wall, point])
+        return self._line([point, wall], (x, y))
+
+    def _line(self, markers: list[int], normal: Vector) -> Any:
+        """A point (marker 0) on a line of the ground (marker 1), by its normal.
+
+        The normal lives in marker 1's frame, so the ground must be marker 1: the other way round the line silently
+        turns with the body. The force comes in marker 0's frame, which does turn.
+        """
+        x, y = normal
+        return items.ObjectJointPrismatic2D(
+            markerNumbers=markers, axisMarker0=[y, -x, 0.0], normalMarker1=[x, y, 0.0], constrainRotation=False
+        )
+
+    def _rotation(self, body: str) -> int:
+        coordinate = 0 if body == GROUND else 2
+        marker = items.MarkerNodeCoordinate(nodeNumber=self.system.nodes[body], coordinate=coordinate)
+        return int(self.system.main.AddMarker(marker))

@@ -1,0 +1,143 @@
+"""What the built Exudyn system says of itself: its own matrices and outputs, in the mechanism's coordinates.
+
+A state q is set by placing Exudyn's bodies, z(q); J = dz/dq carries its matrices back, M = J^T M_z J and
+f = J^T (f_z - M_z dJ/dt u). Accelerations and torques are solutions of Exudyn's own constrained equations, where J
+does not enter: were its joints other ones than the mechanism's, they would differ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...models.arrays import FloatArray
+from ...models.errors import InputError, SimulationError
+from ...models.kinematics import Kinematics
+from ...models.mechanism import Mechanism, SlotJoint
+from ..inspection import Dynamics, Inspection, State
+from .build import Spring, System, build, exu, silence
+from .engine import ExudynEngine
+from .matrices import Matrices, Solved, matrices
+from .read import Reader
+from .solver import Solver
+
+
+def inspect(mechanism: Mechanism, states: Sequence[State], options: ExudynEngine) -> Inspection:
+    """Build as a run would, and look.
+
+    Raises:
+        InputError: a state closes a stop that is open at the start.
+        UnsupportedProblemError: the mechanism cannot be built.
+        SimulationError: its constraints are redundant, or Exudyn failed.
+    """
+    with silence():
+        system = build(mechanism, _springs(mechanism, options))
+        try:
+            return _Inspector(system, options).inspection(states)
+        except SimulationError:
+            raise
+        except RuntimeError as error:  # Exudyn's own errors
+            raise SimulationError(f"exudyn failed: {error}") from error
+
+
+def _springs(mechanism: Mechanism, options: ExudynEngine) -> dict[str, Spring] | None:
+    """Springs whose torque is set, in each state, to what holds the stop at rest; no damper has a say then.
+
+    Nor has the stiffness, but for rounding: a stiff spring would make noise of the last digits of the two angles.
+    """
+    if options.stop_stiffness is None:
+        return None
+    return {stop.name: Spring(stiffness=1.0) for stop in mechanism.stops if stop.closed}
+
+
+class _Inspector:
+    def __init__(self, system: System, options: ExudynEngine) -> None:
+        self.system = system
+        self.solver = Solver(system, options)
+        self.kinematics = Kinematics(system.mechanism)
+        self.rows = [self.kinematics.point(body.name, body.centre) for body in system.mechanism.bodies]
+
+    def inspection(self, states: Sequence[State]) -> Inspection:
+        """Everything asked for."""
+        with matrices(self.system) as here:
+            start = self._reader()
+            reference = self._places(start) - self.solver.state(start.table, 0).coordinates
+            return Inspection(
+                start=start.coordinates()[0],
+                start_speeds=start.speeds()[0],
+                total_mass=float(here.mass()[0::3, 0::3].sum()),
+                dynamics=tuple(self._dynamics(here, reference, state) for state in states),
+            )
+
+    def _dynamics(self, here: Matrices, reference: FloatArray, state: State) -> Dynamics:
+        self._refuse_other_stops(state)
+        displacements, rates = self._placed(state.q) - reference, self._jacobian(state.q) @ state.u
+        solved = here.solve(displacements, rates, state.closed)
+        mass, forces = here.mass(), here.forces()  # of this state, without the stops' springs
+        jacobian = self._jacobian(state.q)
+        self._show(here, solved, state.closed)
+        reader = self._reader()
+        return Dynamics(
+            accelerations=self._accelerations(),
+            stop_torques={name: float(reader.torque(name, None)[0]) for name in state.closed},
+            mass_matrix=jacobian.T @ mass @ jacobian,
+            forces=jacobian.T @ (forces - mass @ self._curvature(state)),
+            centres=dict(zip(self._names, self._places(reader).reshape(-1, 3)[:, :2], strict=True)),
+            stop_gaps={name: self.system.gap(name) for name in state.closed},
+        )
+
+    def _refuse_other_stops(self, state: State) -> None:
+        for name in state.closed:
+            if name not in self.system.stops:
+                known = ", ".join(sorted(self.system.stops)) or "none"
+                raise InputError(f"closed = {name!r} is no stop that is closed at the start; those are: {known}.")
+
+    def _show(self, here: Matrices, solved: Solved, closed: tuple[str, ...]) -> None:
+        """Give Exudyn the solution, so that its outputs tell it."""
+        data, current = self.system.main.systemData, exu.ConfigurationType.Current
+        data.SetODE2Coordinates_tt(solved.accelerations, current)
+        self.system.set_closed(closed)
+        here.hold(closed, solved.stops)
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return tuple(body.name for body in self.system.mechanism.bodies)
+
+    def _reader(self) -> Reader:
+        """Of the current state, as a run reads its table."""
+        return Reader(self.system, self.solver.columns, self.solver.row(0.0)[None])
+
+    def _places(self, reader: Reader) -> FloatArray:
+        """Exudyn's coordinates, reference included: x, y, rotation by body, shape (3 n_bodies,)."""
+        columns = [self.solver.columns["body", name, "CoordinatesTotal"] for name in self._names]
+        return np.concatenate([reader.table[0, column] for column in columns])
+
+    def _accelerations(self) -> FloatArray:
+        """Of q, by Exudyn's outputs: rotations of nodes, and points on slots; shape (n_q,)."""
+        main, mechanism, variable = self.system.main, self.system.mechanism, exu.OutputVariableType
+        nodes = [self.system.nodes[name] for name in self._names]
+        angles = [-float(main.GetNodeOutput(node, variable.Coordinates_tt)[2]) for node in nodes]
+        return np.array([*angles, *(self._along(joint) for joint in mechanism.slides)])
+
+    def _along(self, joint: SlotJoint) -> float:
+        body, local = self.system.bodies[joint.child], self.system.local(joint.child, joint.child_point)
+        point = self.system.main.GetObjectOutputBody(body, exu.OutputVariableType.Acceleration, local)
+        return float(np.dot(np.asarray(point)[:2], joint.axis))
+
+    def _placed(self, q: FloatArray) -> FloatArray:
+        """z(q), shape (3 n_bodies,)."""
+        centres = [self.kinematics.position(row, q) for row in self.rows]
+        return np.concatenate([[*at, -angle] for at, angle in zip(centres, q, strict=False)])
+
+    def _jacobian(self, q: FloatArray) -> FloatArray:
+        """J = dz/dq, shape (3 n_bodies, n_q)."""
+        turns, rates = -np.eye(len(q)), self.kinematics.rates(q)
+        moved = [rates * row.coefficients for row in self.rows]
+        return np.concatenate([[point.real, point.imag, turns[i]] for i, point in enumerate(moved)])
+
+    def _curvature(self, state: State) -> FloatArray:
+        """dJ/dt u, shape (3 n_bodies,)."""
+        still = np.zeros(len(state.q))
+        centres = [self.kinematics.acceleration(row, state.q, state.u, still) for row in self.rows]
+        return np.concatenate([[*centre, 0.0] for centre in centres])

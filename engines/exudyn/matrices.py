@@ -1,0 +1,177 @@
+"""Exudyn's own mass matrix, forces and constraint Jacobian, and the accelerations and multipliers they give.
+
+In Exudyn's redundant coordinates z (x, y, rotation by body), with f the forces and G the Jacobian of joints and stops,
+
+    M z'' + G^T lam = f,        G z'' = -gamma,        gamma = dG/dt z'
+
+M, f and G are what Exudyn assembles. It has no gamma of its own but from one-sided difference quotients; here it
+comes from eight of its Jacobians along the motion, to rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...models.arrays import FloatArray
+from ...models.errors import SimulationError
+from .build import System, exu
+
+# Central difference of order 8: weights of f(k h) - f(-k h), k = 1..4, over h. A Jacobian is a sum of sines and
+# cosines of rotations; at _TURN [rad] a step the truncation is _TURN^8 / 630 = 1e-15, the rounding 1e-16 / _TURN.
+_WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
+_TURN = 0.03
+
+Closed = tuple[str, ...]
+"""Names of the stops that act."""
+
+
+@dataclass(frozen=True)
+class Solved:
+    """Accelerations and multipliers under the joints and some closed stops."""
+
+    accelerations: FloatArray
+    """z'' [m/s^2, rad/s^2], shape (3 n_bodies,)."""
+    joints: FloatArray
+    """Multipliers of the joints' constraints [N]."""
+    stops: FloatArray
+    """Multipliers of the closed stops [N m, N], in the order they were given; Exudyn's sign."""
+
+
+@contextmanager
+def matrices(system: System) -> Generator[Matrices]:
+    """Exudyn's solver, opened on a system at its start.
+
+    Raises:
+        SimulationError: Exudyn cannot open its solver on the system.
+    """
+    settings, solver = exu.SimulationSettings(), exu.MainSolverImplicitSecondOrder()
+    settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False
+    settings.solution.file.write = False
+    if not solver.InitializeSolver(system.main, settings):
+        raise SimulationError("exudyn cannot open its solver on the built system.")
+    try:
+        yield Matrices(system, solver)
+    finally:
+        solver.FinalizeSolver(system.main, settings)
+
+
+@dataclass(frozen=True)
+class Matrices:
+    """Exudyn's quantities at the state it is set to."""
+
+    system: System
+    solver: Any
+
+    def set(self, coordinates: FloatArray, rates: FloatArray) -> None:
+        """Set the displacements from the reference and their rates, each of shape (3 n_bodies,)."""
+        data = self.system.main.systemData
+        data.SetODE2Coordinates(coordinates, exu.ConfigurationType.Current)
+        data.SetODE2Coordinates_t(rates, exu.ConfigurationType.Current)
+
+    def mass(self) -> FloatArray:
+        """M, shape (3 n_bodies, 3 n_bodies)."""
+        self.solver.ComputeMassMatrix(self.system.main)
+        n = self.solver.GetODE2size()
+        return np.array(self.solver.GetSystemMassMatrix())[:n, :n]
+
+    def forces(self) -> FloatArray:
+        """Of weight, and of springs where stops are springs; no constraint's; shape (3 n_bodies,)."""
+        self.solver.ComputeODE2RHS(self.system.main)
+        return np.array(self.solver.GetSystemResidual())[: self.solver.GetODE2size()]
+
+    def jacobian(self, closed: Closed) -> FloatArray:
+        """G, joints first, then the closed stops, shape (n_joints + n_closed, 3 n_bodies)."""
+        self.system.set_closed(())
+        return np.concatenate([self._active_rows(), *(self.stop_row(name)[None] for name in closed)])
+
+    def stop_row(self, name: str) -> FloatArray:
+        """Row of a stop in G, shape (3 n_bodies,); a spring's is the force of a unit multiplier on it, but for sign."""
+        self.system.set_closed((name,))
+        if not self.system.springs:
+            return self._constraints()[0][self._stop_rows(name)[0]]
+        self.system.preload(name, 0.0)
+        unloaded = self.forces()
+        # As large as the other forces, so that their rounding does not matter.
+        size = float(np.abs(unloaded).max()) or 1.0
+        self.system.preload(name, size)
+        return -self.system.sense(name) * (self.forces() - unloaded) / size
+
+    def solve(self, coordinates: FloatArray, rates: FloatArray, closed: Closed) -> Solved:
+        """Accelerations and multipliers at a state.
+
+        Raises:
+            SimulationError: the constraints are redundant there.
+        """
+        gamma = self._gamma(coordinates, rates, closed)
+        self.set(coordinates, rates)
+        jacobian = self.jacobian(closed)
+        self.system.set_closed(())
+        accelerations, multipliers = solve_constrained(self.mass(), jacobian, self.forces(), -gamma)
+        n_joints = len(multipliers) - len(closed)
+        return Solved(accelerations, multipliers[:n_joints], multipliers[n_joints:])
+
+    def hold(self, closed: Closed, stops: FloatArray) -> None:
+        """Make Exudyn's outputs those of closed stops with these multipliers."""
+        if self.system.springs:
+            for name, multiplier in zip(closed, stops.tolist(), strict=True):
+                self.system.preload(name, self.system.sense(name) * multiplier)
+            return
+        multipliers = np.zeros(self.solver.GetAEsize())
+        multipliers[[self._stop_rows(name)[0] for name in closed]] = stops
+        self.system.main.systemData.SetAECoordinates(multipliers, exu.ConfigurationType.Current)
+
+    def _gamma(self, coordinates: FloatArray, rates: FloatArray, closed: Closed) -> FloatArray:
+        """dG/dt z' at the state, shape (n_joints + n_closed,)."""
+        fastest = float(np.abs(rates[2::3]).max())
+        step = _TURN / fastest if fastest > 0 else 1.0  # without turning G is linear in the motion at most
+
+        def along(steps: int) -> FloatArray:
+            self.set(coordinates + steps * step * rates, rates)
+            return self.jacobian(closed) @ rates
+
+        pairs = (weight * (along(k) - along(-k)) for k, weight in enumerate(_WEIGHTS, start=1))
+        return np.sum(list(pairs), axis=0) / step
+
+    def _active_rows(self) -> FloatArray:
+        """G of what acts, as Exudyn orders it: an equation that does not act reads lam = 0, a one on its diagonal."""
+        rows, diagonal = self._constraints()
+        return rows[diagonal == 0]
+
+    def _constraints(self) -> tuple[FloatArray, FloatArray]:
+        """G of all of Exudyn's algebraic equations, and their own diagonal."""
+        n, size = self.solver.GetODE2size(), len(np.asarray(self.solver.GetSystemJacobian()))
+        self.solver.SetSystemJacobian(np.zeros((size, size)))  # Exudyn adds to what is there
+        self.solver.ComputeJacobianAE(self.system.main, 1.0, 0.0, 0.0, False)
+        found = np.array(self.solver.GetSystemJacobian())[n:]
+        return found[:, :n], np.diag(found[:, n:])
+
+    def _stop_rows(self, name: str) -> list[int]:
+        """Equations of a stop's connector; the first is its gap's (a second one, of a wall, only keeps a zero)."""
+        return list(self.system.main.systemData.GetObjectLTGAE(self.system.stops[name]))
+
+
+def solve_constrained(
+    mass: FloatArray, jacobian: FloatArray, forces: FloatArray, right: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The z'' and lam of M z'' + G^T lam = f, G z'' = right.
+
+    Raises:
+        SimulationError: a constraint follows from the others, or a body has no inertia of its own or by its joints.
+    """
+    if np.linalg.matrix_rank(jacobian) < len(jacobian):
+        raise SimulationError("exudyn's constraints are redundant: their forces cannot be told apart.")
+    n, scale = len(mass), float(np.abs(mass).max())
+    kkt = np.zeros((n + len(jacobian), n + len(jacobian)))
+    kkt[:n, :n] = mass
+    kkt[n:, :n] = scale * jacobian  # of the masses' size, so that pivoting compares like with like
+    kkt[:n, n:] = kkt[n:, :n].T
+    try:
+        found = np.asarray(np.linalg.solve(kkt, np.concatenate([forces, scale * right])), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        raise SimulationError("exudyn's bodies have no inertia in some direction they can move in.") from None
+    return found[:n], scale * found[n:]

@@ -1,0 +1,194 @@
+"""One run of Exudyn's implicit solver: from a state, over equal steps, to a table of all sensors.
+
+Positions and speeds alone carry the state from one run to the next: Exudyn finds accelerations and multipliers
+from the equations of motion. So each run starts free of the alternating error that the trapezoidal rule keeps in
+its multipliers, and the torque of a stop at a state depends on nothing but the state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...models.arrays import FloatArray
+from ...models.errors import SimulationError
+from .build import SensorKey, System, exu
+from .engine import ExudynEngine
+
+_EVERY_STEP = 1e-12  # [s] sensors are written every 0.01 s unless told; this is below any step
+_SAME_TIME = 1e-9  # of the run's last time
+_DIFFERENCE = 3e-5  # relative step of Exudyn's difference quotients: 1e-6 to 1e-4 do as well
+
+Closed = tuple[str, ...]
+"""Names of the stops that act."""
+
+Watch = Callable[[float], bool]
+"""Called with the time after each step; False stops the run there."""
+
+
+@dataclass(frozen=True)
+class State:
+    """Displacements from the reference and their rates at a time [s], shape (3 n_bodies,): x, y, rotation by body."""
+
+    t: float
+    coordinates: FloatArray
+    rates: FloatArray
+
+
+@dataclass(frozen=True)
+class Balance:
+    """What the equations of motion say at a state."""
+
+    row: FloatArray
+    """All sensors: a row of a table."""
+    accelerations: FloatArray
+    """Of Exudyn's coordinates [m/s^2, rad/s^2], shape (3 n_bodies,)."""
+
+
+class Solver:
+    """Runs a system and reads its sensors; `steps` counts the steps taken."""
+
+    def __init__(self, system: System, options: ExudynEngine) -> None:
+        self.system = system
+        self.options = options
+        self.steps = 0
+        widths = [len(self._values(number)) for number in system.sensors.values()]
+        ends = np.cumsum([1, *widths]).tolist()
+        self.columns: dict[SensorKey, slice] = {
+            key: slice(a, b) for key, a, b in zip(system.sensors, ends[:-1], ends[1:], strict=True)
+        }
+        """Of each sensor in a table; column 0 is the time [s]."""
+
+    def start(self) -> State:
+        """The state as built."""
+        rates = np.array(self.system.main.systemData.GetODE2Coordinates_t(exu.ConfigurationType.Initial))
+        return State(0.0, np.zeros(len(rates)), rates)
+
+    def state(self, table: FloatArray, row: int) -> State:
+        """The state in a row of a table."""
+        bodies = self.system.mechanism.bodies
+        coordinates, rates = (
+            np.concatenate([table[row, self.columns["body", body.name, quantity]] for body in bodies])
+            for quantity in ("Coordinates", "Coordinates_t")
+        )
+        return State(float(table[row, 0]), coordinates, rates)
+
+    def row(self, time: float) -> FloatArray:
+        """All sensors now, as a row of a table."""
+        return np.concatenate([[time], *(self._values(number) for number in self.system.sensors.values())])
+
+    def torque(self, row: FloatArray, stop: str) -> float:
+        """Torque (or force) of a closed stop in a row of a table [N m, N]."""
+        return float(self.system.torques(stop, lambda sensor: row[None, self.columns[sensor]])[0])
+
+    def balance(self, state: State, closed: Closed) -> Balance:
+        """Sensors and accelerations at a state, under the joints and the closed stops.
+
+        Exudyn takes the constraints' second derivative from one-sided difference quotients, which leaves an error
+        of 1e-4 N m in the torques at best; two of them, extrapolated to no difference at all, leave 1e-6.
+
+        Raises:
+            SimulationError: the constraints cannot be solved there.
+        """
+        self.system.set_closed(closed)
+        self._set(state)
+        once, twice = self._differenced(state.t, _DIFFERENCE), self._differenced(state.t, 2 * _DIFFERENCE)
+        return Balance(2 * once.row - twice.row, 2 * once.accelerations - twice.accelerations)
+
+    def _differenced(self, time: float, difference: float) -> Balance:
+        settings = self._settings(time, time + self.options.timestep, 1)
+        settings.timeIntegration.newton.numericalDifferentiation.relativeEpsilon = difference
+        main, solver = self.system.main, exu.MainSolverImplicitSecondOrder()
+        try:
+            solved = bool(solver.InitializeSolver(main, settings))
+        except RuntimeError:  # Exudyn's own errors are RuntimeErrors; their text is a page
+            solved = False
+        row = self.row(time)
+        accelerations = np.array(main.systemData.GetODE2Coordinates_tt())
+        if not solved or not np.isfinite(accelerations).all():
+            raise SimulationError(f"exudyn finds no accelerations at t = {time:.6g} s: are constraints redundant?")
+        solver.FinalizeSolver(main, settings)
+        return Balance(row, accelerations)
+
+    def run(self, state: State, closed: Closed, end: float, steps: int, watch: Watch | None = None) -> FloatArray:
+        """Table of all sensors at the start and after each step, shape (n, columns).
+
+        Args:
+            state: where to start.
+            closed: stops that act.
+            end: time of the last step's end [s].
+            steps: number of equal steps.
+            watch: looks on after every step.
+
+        Raises:
+            SimulationError: a step failed, or the end was not reached although nobody stopped the run.
+        """
+        balance = self.balance(state, closed)
+        self._set(state, balance.accelerations)
+        finished, stopped = self._solve(self._settings(state.t, end, steps), watch)
+        table = self._table()
+        table[0] = balance.row  # with accelerations given, Exudyn's own first row has no forces
+        self.steps += len(table) - 1
+        last = float(table[-1, 0])
+        arrived = abs(last - end) <= _SAME_TIME * max(1.0, end) or (stopped and last > state.t)
+        if not (finished and arrived):
+            # Exudyn notices a redundant constraint in its first step at the latest.
+            hint = "a shorter timestep may help" if len(table) > 1 else "the step is too long or a joint redundant"
+            solver = f"exudyn's {self.options.integrator} solver"
+            raise SimulationError(f"{solver} gave up after t = {last:.6g} s of {end:.6g} s; {hint}.")
+        return table
+
+    def _solve(self, settings: Any, watch: Watch | None) -> tuple[bool, bool]:
+        """Whether Exudyn says it finished, and whether the watch stopped it."""
+        start, stopped = settings.timeIntegration.startTime, False
+
+        def after_step(_: Any, time: float) -> bool:
+            # Exudyn takes the missing value of a bare `return` for False, and ends the run without a word.
+            nonlocal stopped
+            stopped = stopped or (watch is not None and time > start and not watch(time))
+            return not stopped
+
+        main = self.system.main
+        main.SetPostStepUserFunction(after_step if watch else 0)
+        settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False
+        try:
+            return bool(main.SolveDynamic(settings)), stopped
+        except RuntimeError:
+            return False, stopped
+        finally:
+            main.SetPostStepUserFunction(0)
+
+    def _set(self, state: State, accelerations: FloatArray | None = None) -> None:
+        data, initial = self.system.main.systemData, exu.ConfigurationType.Initial
+        data.SetODE2Coordinates(state.coordinates, initial)
+        data.SetODE2Coordinates_t(state.rates, initial)
+        if accelerations is not None:
+            data.SetODE2Coordinates_tt(accelerations, initial)
+
+    def _values(self, sensor: int) -> FloatArray:
+        return np.atleast_1d(np.asarray(self.system.main.GetSensorValues(sensor), dtype=np.float64))
+
+    def _table(self) -> FloatArray:
+        stored = [np.asarray(self.system.main.GetSensorStoredData(n)) for n in self.system.sensors.values()]
+        return np.hstack([stored[0][:, :1], *(data[:, 1:] for data in stored)])
+
+    def _settings(self, start: float, end: float, steps: int) -> Any:
+        settings, options = exu.SimulationSettings(), self.options
+        time, newton = settings.timeIntegration, settings.timeIntegration.newton
+        time.startTime, time.endTime, time.numberOfSteps = start, end, steps
+        time.adaptiveStep = options.adaptive_step
+        time.generalizedAlpha.useNewmark = options.integrator.startswith("trapezoidal")
+        time.generalizedAlpha.useIndex2Constraints = options.integrator.endswith("2")
+        time.generalizedAlpha.spectralRadius = options.spectral_radius
+        newton.useModifiedNewton = options.modified_newton
+        newton.relativeTolerance, newton.absoluteTolerance = options.newton_relative, options.newton_absolute
+        if self.system.springs:
+            # The force of a stiff spring is known only to the rounding of an angle times its stiffness, and would not
+            # fall further; the increments of the coordinates do. Exudyn wants both tolerances alike for them.
+            newton.residualMode, newton.absoluteTolerance = 1, options.newton_relative
+        settings.solution.file.write = False
+        settings.solution.sensors.writePeriod = _EVERY_STEP
+        return settings

@@ -1,0 +1,1 @@
+"""The MuJoCo adapter. Absolute imports of `mujoco` inside this package mean the library."""

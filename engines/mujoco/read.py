@@ -1,0 +1,123 @@
+"""Reading: what MuJoCo's sensors say, in the mechanism's coordinates, names and signs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ...models.arrays import FloatArray
+from ...models.mechanism import Mechanism, PinJoint, SlotJoint
+from ...models.mjcf.writer import (
+    KINETIC_ENERGY,
+    POTENTIAL_ENERGY,
+    force_sensor,
+    hinge_chain,
+    position_sensor,
+    slide_joint,
+    torque_sensor,
+    velocity_sensor,
+)
+from ...models.trajectory import PointMotion
+from ..protocol import Recording
+from .constraints import Hold
+
+IN_PLANE = [0, 2]  # MuJoCo's x and z are our x and y
+
+
+@dataclass
+class Samples:
+    """Times, states (MuJoCo's layout: time, qpos, qvel, ...), sensors and events, as they come."""
+
+    releases: dict[str, float | None]
+    """When each stop released [s]."""
+    steps: int = 0
+    """Steps of MuJoCo, those in vain included."""
+    times: list[FloatArray] = field(default_factory=list[FloatArray])
+    states: list[FloatArray] = field(default_factory=list[FloatArray])
+    sensors: list[FloatArray] = field(default_factory=list[FloatArray])
+
+    def add(self, times: FloatArray, states: FloatArray, sensors: FloatArray) -> None:
+        """Append samples; shapes (n,), (n, n_state), (n, n_sensor)."""
+        self.times.append(times)
+        self.states.append(states)
+        self.sensors.append(sensors)
+
+
+@dataclass(frozen=True)
+class _Reader:
+    mechanism: Mechanism
+    model: Any
+    positions: FloatArray
+    speeds: FloatArray
+    sensors: FloatArray
+
+    def sensor(self, name: str) -> FloatArray:
+        """A sensor's values, shape (n, size)."""
+        of = self.model.sensor(name)
+        start, size = int(of.adr[0]), int(of.dim[0])
+        return self.sensors[:, start : start + size]
+
+    def markers(self) -> dict[str, PointMotion]:
+        return {
+            marker.name: PointMotion(
+                self.sensor(position_sensor(marker.name))[:, IN_PLANE],
+                self.sensor(velocity_sensor(marker.name))[:, IN_PLANE],
+            )
+            for marker in self.mechanism.markers
+        }
+
+    def torque(self, stop: str, hold: Hold) -> FloatArray:
+        """A stop's torque [N m], or force [N] if it is on a point."""
+        return hold.torque(self.sensor(torque_sensor(stop))[:, 0], self.positions, self.model)
+
+    def reactions(self, q: FloatArray) -> dict[str, FloatArray]:
+        """Forces on the children in the world frame [N]: MuJoCo gives those of the tree in the child's frame.
+
+        A joint that closes a loop holds a welded body without mass, whose force from the body it is welded to is
+        MuJoCo's: the joint's is the opposite.
+        """
+        angles = {body.name: q[:, i] for i, body in enumerate(self.mechanism.bodies)}
+        tree = {joint.name: self._turned(joint, angles) for joint in self.mechanism.tree_joints}
+        return tree | {joint.name: -self._turned(joint, angles) for joint in self.mechanism.loop_joints}
+
+    def _turned(self, joint: PinJoint | SlotJoint, angles: Mapping[str, FloatArray]) -> FloatArray:
+        """A force sensor's values in the world frame, shape (n, 2)."""
+        a, b = self.sensor(force_sensor(joint.name))[:, IN_PLANE].T
+        cos, sin = np.cos(angles[joint.child]), np.sin(angles[joint.child])
+        return np.stack([a * cos + b * sin, b * cos - a * sin], axis=1)
+
+
+def recording(mechanism: Mechanism, model: Any, holds: Mapping[str, Hold], samples: Samples) -> Recording:
+    """The samples as the engines' common record."""
+    states = np.concatenate(samples.states)
+    n_q, n_v = int(model.nq), int(model.nv)
+    positions, speeds = states[:, 1 : 1 + n_q], states[:, 1 + n_q : 1 + n_q + n_v]
+    reader = _Reader(mechanism, model, positions, speeds, np.concatenate(samples.sensors))
+    sums = absolute_from_relative(mechanism, model)
+    q = np.array(mechanism.start) + positions @ sums.T
+    return Recording(
+        t=np.concatenate(samples.times),
+        q=q,
+        u=speeds @ sums.T,
+        markers=reader.markers(),
+        kinetic_energy=reader.sensor(KINETIC_ENERGY)[:, 0],
+        potential_energy=reader.sensor(POTENTIAL_ENERGY)[:, 0],
+        stop_torques={name: reader.torque(name, hold) for name, hold in holds.items()},
+        release_times=samples.releases,
+        joint_reactions=reader.reactions(q),
+        steps=samples.steps,
+    )
+
+
+def absolute_from_relative(mechanism: Mechanism, model: Any) -> FloatArray:
+    """C with q = start + C qpos and u = C qvel: an absolute angle is a sum of hinges; shape (n_q, n_v)."""
+    matrix = np.zeros((len(mechanism.coordinates), int(model.nv)))
+    for i, body in enumerate(mechanism.bodies):
+        for joint in hinge_chain(mechanism, body.name):
+            matrix[i, model.joint(joint).dofadr[0]] = 1.0
+    for i, slot in enumerate(mechanism.slides, start=len(mechanism.bodies)):
+        matrix[i, model.joint(slide_joint(slot.name)).dofadr[0]] = 1.0
+    return matrix

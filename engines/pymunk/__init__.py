@@ -1,0 +1,1 @@
+"""The pymunk adapter. Absolute imports of `pymunk` inside this package mean the library."""

@@ -1,0 +1,186 @@
+"""Forces of joints and stops, from the changes of momentum in a step.
+
+What the bodies' momentum and spin need beyond gravity is what the constraints give. Joints of the tree carry all that
+hangs on them; joints that close a loop and closed stops are the least-squares solution of G^T lam = r, where r is what
+the coordinates miss:
+
+    r_k = for an angle, the couple on its body beyond gravity and the tree's forces; for a slide, the force along it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models.arrays import ComplexArray, FloatArray
+from ...models.kinematics import Kinematics
+from ...models.mechanism import GROUND, Mechanism, PointStop, SlotJoint, Stop
+from .read import Reading
+
+_SINGULAR = 1e-10  # of the largest: constraints nearer to each other than this share their force evenly
+
+
+@dataclass(frozen=True)
+class Forces:
+    """What joints and stops do at the samples."""
+
+    reactions: Mapping[str, ComplexArray]
+    """Force of each joint on its child [N], complex, shape (n,)."""
+    torques: Mapping[str, FloatArray]
+    """Of the closed stops [N m, or N for one on a point], shape (n,)."""
+
+
+def forces_of(reading: Reading, closed: Sequence[str]) -> Forces:
+    """Forces of all joints and of the closed stops."""
+    mechanism = reading.mechanism
+    needed = _needed(reading)
+    if not mechanism.loop_joints and not any(isinstance(mechanism.stop(name), PointStop) for name in closed):
+        reactions = _tree_reactions(mechanism, needed)
+        return Forces(reactions, _angle_torques(reading, reactions, closed))
+    multipliers = _multipliers(reading, needed, closed)
+    loops = _loop_forces(mechanism, multipliers)
+    torques = dict(zip(closed, multipliers.T[_n_loops(mechanism) :], strict=True))
+    for joint in mechanism.loop_joints:
+        _act(needed, joint.child, -loops[joint.name])
+        _act(needed, joint.parent, loops[joint.name])
+    for name, torque in torques.items():
+        stop = mechanism.stop(name)
+        if isinstance(stop, PointStop):
+            _act(needed, stop.body, -complex(*stop.normal) * torque)
+    return Forces(_tree_reactions(mechanism, needed) | loops, torques)
+
+
+def _needed(reading: Reading) -> dict[str, ComplexArray]:
+    """Force that each body's momentum needs beyond gravity [N]."""
+    mechanism, needed = reading.mechanism, dict[str, ComplexArray]()
+    for body in mechanism.bodies:
+        centre = reading.point(body.name, body.centre)
+        needed[body.name] = body.mass * (centre.acceleration + 1j * mechanism.gravity)
+    return needed
+
+
+def _act(needed: dict[str, ComplexArray], body: str, force: ComplexArray) -> None:
+    if body != GROUND:
+        needed[body] = needed[body] + force
+
+
+def _tree_reactions(mechanism: Mechanism, needed: Mapping[str, ComplexArray]) -> dict[str, ComplexArray]:
+    forces: dict[str, ComplexArray] = {}
+    for joint in mechanism.tree_joints:
+        force = np.zeros_like(needed[joint.child])
+        for body in mechanism.subtree(joint.child):
+            force += needed[body.name]
+        forces[joint.name] = force
+    return forces
+
+
+def _angle_torques(
+    reading: Reading, reactions: Mapping[str, ComplexArray], closed: Sequence[str]
+) -> dict[str, FloatArray]:
+    """Torques of closed stops on angles, all joints being of the tree."""
+    if not closed:
+        return {}
+    stops = [stop for stop in map(reading.mechanism.stop, closed) if isinstance(stop, Stop)]
+    outer = sorted({_outer(reading.mechanism, stop) for stop in stops})
+    names = [body.name for body in reading.mechanism.bodies]
+    couples = [_couple(reading, names[i], reactions) for i in outer]
+    rows = np.array([[_share(stop, names[i]) for i in outer] for stop in stops])
+    # The farther body of each stop feels nothing of the large forces nearer the ground.
+    solved = np.linalg.lstsq(rows.T, np.array(couples), rcond=None)[0]
+    return dict(zip(closed, solved, strict=True))
+
+
+def _outer(mechanism: Mechanism, stop: Stop) -> int:
+    names = [body.name for body in mechanism.bodies]
+    return max(names.index(name) for name in (stop.body, stop.relative_to) if name != GROUND)
+
+
+def _share(stop: Stop, body: str) -> float:
+    """Derivative of the stop's gap by the body's angle."""
+    return float(stop.sense * ((body == stop.body) - (body == stop.relative_to)))
+
+
+def _couple(reading: Reading, name: str, reactions: Mapping[str, ComplexArray]) -> FloatArray:
+    """Clockwise couple that acts on a body besides gravity and the tree's forces [N m]."""
+    body, frame = reading.mechanism.body(name), reading.frames[name]
+    centre = reading.point(name, body.centre).place
+    couple = body.inertia * frame.a
+    for joint in reading.mechanism.tree_joints:
+        if joint.child == name:
+            couple = couple + _cross(reading.point(name, joint.child_point).place - centre, reactions[joint.name])
+        elif joint.parent == name:
+            couple = couple - _cross(reading.point(name, joint.parent_point).place - centre, reactions[joint.name])
+    return couple
+
+
+def _multipliers(reading: Reading, needed: Mapping[str, ComplexArray], closed: Sequence[str]) -> FloatArray:
+    """Multipliers of the loop joints, component by component, then of the closed stops; shape (n, n_constraints).
+
+    Errors of r are those of accelerations times the mass matrix M, so its inverse is their weight: a light body says
+    more about a small force than the heavy one nearer the ground.
+    """
+    kinematics = Kinematics(reading.mechanism)
+    q = reading.coordinates()[0]
+    rows = _rows(kinematics, q, closed)
+    root = np.linalg.cholesky(_mass_matrix(kinematics, q))
+    columns = np.linalg.solve(root, np.swapaxes(rows, 1, 2))
+    missing = np.linalg.solve(root, _missing(reading, needed)[..., None])
+    return np.asarray((np.linalg.pinv(columns, rcond=_SINGULAR) @ missing)[..., 0], dtype=np.float64)
+
+
+def _missing(reading: Reading, needed: Mapping[str, ComplexArray]) -> FloatArray:
+    """r, shape (n, n_q): what no joint of the tree gives to the coordinates [N m or N]."""
+    mechanism = reading.mechanism
+    reactions = _tree_reactions(mechanism, needed)
+    couples = [_couple(reading, body.name, reactions) for body in mechanism.bodies]
+    along = [(reactions[slot.name] * complex(*slot.axis).conjugate()).real for slot in mechanism.slides]
+    return np.stack([*couples, *along], axis=-1)
+
+
+def _rows(kinematics: Kinematics, q: FloatArray, closed: Sequence[str]) -> FloatArray:
+    """G: rates of the loop joints' gaps and of the closed stops', shape (n, n_constraints, n_q)."""
+    rates = kinematics.rates(q)
+    rows: list[FloatArray] = []
+    for joint in kinematics.mechanism.loop_joints:
+        child = kinematics.point(joint.child, joint.child_point).coefficients
+        apart = rates * (child - kinematics.point(joint.parent, joint.parent_point).coefficients)
+        if isinstance(joint, SlotJoint):
+            rows.append((apart * _across(joint).conjugate()).real)
+        else:
+            rows += [apart.real, apart.imag]
+    rows += [kinematics.gap_gradient(name, q) for name in closed]
+    return np.stack(rows, axis=-2)
+
+
+def _mass_matrix(kinematics: Kinematics, q: FloatArray) -> FloatArray:
+    """M(q), shape (n, n_q, n_q)."""
+    jacobian = kinematics.centres * kinematics.rates(q)[:, None, :]
+    products = (np.swapaxes(jacobian.conj(), 1, 2) * kinematics.masses) @ jacobian
+    return products.real + np.diag(kinematics.inertias)
+
+
+def _n_loops(mechanism: Mechanism) -> int:
+    return sum(1 if isinstance(joint, SlotJoint) else 2 for joint in mechanism.loop_joints)
+
+
+def _loop_forces(mechanism: Mechanism, multipliers: FloatArray) -> dict[str, ComplexArray]:
+    """Force of each loop joint on its child [N]."""
+    forces: dict[str, ComplexArray] = {}
+    columns = iter(multipliers.T)
+    for joint in mechanism.loop_joints:
+        if isinstance(joint, SlotJoint):
+            forces[joint.name] = next(columns) * _across(joint)
+        else:
+            forces[joint.name] = next(columns) + 1j * next(columns)
+    return forces
+
+
+def _across(slot: SlotJoint) -> complex:
+    return 1j * complex(*slot.axis)
+
+
+def _cross(arm: ComplexArray, force: ComplexArray) -> FloatArray:
+    """Moment, counter-clockwise."""
+    return (arm.conjugate() * force).imag

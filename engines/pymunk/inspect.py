@@ -1,0 +1,181 @@
+"""Chipmunk's machine as built, looked at in single states: the inertia of its bodies, and what one step does.
+
+A step solves M (v+ - v) / h = F + J^T lam with J v+ = -C / h for the velocities after it, where C is how far each
+joint is from what it aims at. The bodies are put into the state itself, and each joint's aim is set aside by
+h^2 times the centripetal part of its acceleration: (v+ - v) / h is then the acceleration at the state for a step of
+any length, without truncation. The step is only a unit, and a long one keeps the rounding of places, which enters
+accelerations divided by h^2, small.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pymunk
+from pymunk import constraints
+
+from ...models.arrays import FloatArray
+from ...models.kinematics import Kinematics
+from ...models.mechanism import GROUND, Mechanism, PinJoint, PointStop, Stop
+from ..inspection import Dynamics, Inspection, State
+from .build import Machine, Rod, build, start_of
+from .forces import forces_of
+from .read import Reading
+from .velocity_increment import STEP, reading_of, settled_kick
+
+if TYPE_CHECKING:
+    from .engine import PymunkEngine
+
+
+def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkEngine) -> Inspection:
+    """Look at the built machine in each state.
+
+    Raises:
+        UnsupportedProblemError: the mechanism has a part that has no counterpart here.
+        SimulationError: Chipmunk's impulses do not settle, because masses differ too much.
+    """
+    touching = [stop.name for stop in mechanism.stops if stop.closed]
+    built = build(mechanism, touching, 0.0, options.pivot_mass)
+    start, start_speeds = reading_of(built).coordinates()
+    return Inspection(
+        start=start[0],
+        start_speeds=start_speeds[0],
+        dynamics=tuple(_dynamics(built, state, options.pivot_mass) for state in states),
+        total_mass=_total_mass(built, options.pivot_mass),
+    )
+
+
+def _total_mass(machine: Machine, pivot_mass: float) -> float | None:
+    """Mass of all bodies [kg]; None if one of them has a multiple of its own on a pin in the ground."""
+    pinned = [
+        joint
+        for joint in machine.mechanism.tree_joints
+        if joint.parent == GROUND and isinstance(joint, PinJoint) and machine.parts[joint.child].turns
+    ]
+    return None if pinned and pivot_mass != 1 else float(sum(body.mass for body in machine.bodies))
+
+
+def _dynamics(built: Machine, state: State, pivot_mass: float) -> Dynamics:
+    # Not validated: stops keep the word on whether they are closed at the start, which decides what bodies are made of.
+    placed = built.mechanism.model_copy(update={"start": tuple(state.q), "start_speeds": tuple(state.u)})
+    machine = build(placed, state.closed, 0.0, pivot_mass)
+    mass, forces = _inertia(machine)
+    reading = _kicked(machine)
+    return Dynamics(
+        accelerations=reading.accelerations()[0],
+        stop_torques={name: float(torque[0]) for name, torque in forces_of(reading, state.closed).torques.items()},
+        mass_matrix=mass,
+        forces=forces,
+        centres={body.name: _centre(reading, body.name) for body in placed.bodies},
+        stop_gaps={name: _gap(built, placed.stop(name), reading) for name in state.closed},
+    )
+
+
+def _inertia(machine: Machine) -> tuple[FloatArray, FloatArray]:
+    """M and f of the engine's bodies: sum of m J^T J + I j^T j, and of J^T m (g - centrifugal acceleration).
+
+    A body that does not turn has no angle of its own (its moment is infinite): it is a point mass. Mass on a pin in
+    the ground does not move, and so is in neither.
+    """
+    kinematics = Kinematics(machine.mechanism)
+    q, u = start_of(machine.mechanism)
+    gravity = complex(*machine.space.gravity)
+    mass, forces = np.zeros((len(q), len(q))), np.zeros(len(q))
+    for i, part in enumerate(machine.parts.values()):
+        row = kinematics.point(part.name, (part.reference.real, part.reference.imag))
+        jacobian = row.coefficients * kinematics.rates(q)
+        centripetal = complex(*kinematics.acceleration(row, q, u, np.zeros_like(q)))
+        mass += part.body.mass * np.outer(jacobian.conj(), jacobian).real
+        forces += part.body.mass * (jacobian.conj() * (gravity - centripetal)).real
+        if part.turns:
+            mass[i, i] += part.body.moment
+    return mass, forces
+
+
+def _kicked(machine: Machine) -> Reading:
+    """One step to the state where the machine stands; the change of velocity in it is the acceleration there."""
+    _aim(machine)
+    return reading_of(machine, settled_kick(machine) / STEP)
+
+
+def _aim(machine: Machine) -> None:
+    """Set each joint's aim aside by h^2 times its centripetal acceleration; a GearJoint has none."""
+    for rod in machine.rods:
+        rod.joint.distance = rod.length - STEP**2 * _lengthening(rod)
+    for joint in machine.space.constraints:
+        if isinstance(joint, constraints.PivotJoint):
+            end = _End.of(joint.b, joint.anchor_b)
+            anchor = complex(*joint.anchor_a) - STEP**2 * end.centripetal
+            joint.anchor_a = (anchor.real, anchor.imag)
+
+
+@dataclass(frozen=True)
+class _End:
+    """The end of a joint on a body: place [m], velocity [m/s], acceleration if the body's rates stay [m/s^2]."""
+
+    place: complex
+    velocity: complex
+    centripetal: complex
+
+    @classmethod
+    def of(cls, body: pymunk.Body, anchor: tuple[float, float]) -> _End:
+        arm, spin = complex(*anchor) * cmath.exp(1j * body.angle), body.angular_velocity
+        return cls(complex(*body.position) + arm, complex(*body.velocity) + 1j * spin * arm, -(spin**2) * arm)
+
+
+def _lengthening(rod: Rod) -> float:
+    """Second derivative of the distance between a rod's ends [m/s^2], the rates of its bodies staying as they are.
+
+    |d|'' = n . d'' + (n x d')^2 / |d| with n = d / |d|; a foot that goes along in a slot leaves no d' across.
+    """
+    a, b = _End.of(rod.joint.a, rod.joint.anchor_a), _End.of(rod.joint.b, rod.joint.anchor_b)
+    apart, velocity = b.place - a.place, b.velocity - a.velocity
+    distance = abs(apart)
+    along = apart.conjugate() / distance
+    across = 0.0 if rod.axis is not None else (along * velocity).imag
+    return (along * (b.centripetal - a.centripetal)).real + across**2 / distance
+
+
+def _centre(reading: Reading, body: str) -> FloatArray:
+    place = reading.point(body, reading.mechanism.body(body).centre).place[0]
+    return np.array([place.real, place.imag])
+
+
+def _gap(built: Machine, stop: Stop | PointStop, reading: Reading) -> float:
+    """Opening of a stop [rad or m] where the bodies stand now, by its joint as it was made at the start."""
+    joint = built.stops[stop.name]
+    if isinstance(stop, PointStop):
+        rod = next(rod for rod in built.rods if rod.joint is joint)
+        apart = complex(reading.point(stop.body, stop.point).place[0]) - complex(*rod.end_a)
+        return (apart * complex(*stop.normal).conjugate()).real - rod.length
+    q = {name: float(frame.q[0]) for name, frame in reading.frames.items()} | {GROUND: 0.0}
+    between = q[stop.body] - q[stop.relative_to]
+    if isinstance(joint, constraints.GearJoint):
+        return stop.sense * (between + joint.phase)
+    rod = next(rod for rod in built.rods if rod.joint is joint)
+    return stop.sense * math.remainder(between - _held_angle(built, rod, stop), 2 * math.pi)
+
+
+def _held_angle(built: Machine, rod: Rod, stop: Stop) -> float:
+    """The angle at which a brace holds a bob [rad]: that of the stop's body relative to the other one.
+
+    Brace, bob's rod and the line from the pin to the brace's foot are a triangle, whose sides give its angle.
+    """
+    bob, base = stop.body, stop.relative_to
+    if built.parts[bob].turns:
+        bob, base = base, bob
+    part = built.parts[bob]
+    pin = next(joint.parent_point for joint in built.mechanism.tree_joints if joint.child == bob)
+    origin = 0j if base == GROUND else built.parts[base].reference
+    foot = origin + complex(*rod.end_a) - complex(*pin)
+    arm, far, brace = abs(part.reference - part.pin), abs(foot), rod.joint.distance
+    corner = math.acos((far**2 + arm**2 - brace**2) / (2 * far * arm))
+    # The foot is counter-clockwise of the bob; angles of the mechanism are clockwise.
+    direction = foot * cmath.exp(-1j * corner)
+    clockwise = -cmath.phase(direction / (part.reference - part.pin))
+    return clockwise if bob == stop.body else -clockwise

@@ -1,0 +1,1 @@
+"""The reference solver as an engine."""

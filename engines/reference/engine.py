@@ -1,0 +1,100 @@
+"""The reference as an engine: it passes the same tests as the others."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.util
+from collections.abc import Mapping, Sequence
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ...models.arrays import FloatArray
+from ...models.mechanism import Mechanism
+from ...models.problem import Problem, StopLaw
+from ...models.spec import Real
+from ...reference.certification.redundant import RedundantSystem
+from ...reference.solution import Solution
+from ...reference.solver import TOLERANCE, solve
+from ...reference.taylor.solve import solve_taylor
+from ..inspection import Dynamics, Inspection, State
+from ..protocol import BuiltinEngine, Capabilities, Recording
+
+_Tolerance = Annotated[Real, Field(ge=2.5e-14, le=1e-2)]
+
+
+class ReferenceEngine(BuiltinEngine):
+    """Lagrangian reference in minimal coordinates, DOP853; `timestep` is only the interval of its samples."""
+
+    name: ClassVar[str] = "reference"
+    package: ClassVar[str] = "scipy"
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        joint_reactions=True,
+        joint_gaps=False,
+        located_releases=True,
+        stop_laws=frozenset(StopLaw),
+        formulation="minimal absolute angles, stops by KKT, DOP853 with located events",
+    )
+    # A newcomer to SciPy asks for DOP853 with tolerances that sound tight.
+    stock_options: ClassVar[Mapping[str, object]] = {"rtol": 1e-9, "atol": 1e-9}
+
+    integrator: Literal["dop853", "taylor", "auto"] = Field(
+        default="dop853", description="SciPy's DOP853, heyoka's Taylor series, or Taylor where heyoka is installed"
+    )
+    rtol: _Tolerance = Field(
+        default=TOLERANCE, description="relative local error of DOP853; Taylor series go to the last digit"
+    )
+    atol: _Tolerance = Field(default=TOLERANCE, description="absolute local error [rad, m, rad/s, m/s]")
+
+    def solve(self, problem: Problem) -> Solution:
+        """The continuous solution behind :meth:`simulate`."""
+        if self.integrator == "dop853" or (self.integrator == "auto" and not _has_heyoka()):
+            return solve(problem, self.rtol, self.atol)
+        return solve_taylor(problem)
+
+    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
+        """The machine once more in redundant coordinates: the gate measures by the minimal ones."""
+        system = RedundantSystem(mechanism)
+        start = system.start
+        return Inspection(
+            start=system.coordinates(start[: system.n]),
+            start_speeds=system.speeds(start),
+            dynamics=tuple(_redundant_dynamics(mechanism, state) for state in states),
+            total_mass=sum(body.mass for body in mechanism.bodies),
+        )
+
+    def _run(self, problem: Problem) -> Recording:
+        solution = self.solve(problem)
+        releases = [time for time in solution.release_times.values() if time]
+        times = sample_times(problem.duration, self.timestep, releases)
+        trajectory = solution.trajectory(times)
+        fields = {field.name for field in dataclasses.fields(Recording)} - {"steps"}
+        return Recording(**{name: getattr(trajectory, name) for name in fields}, steps=solution.evaluations)
+
+
+def _redundant_dynamics(mechanism: Mechanism, state: State) -> Dynamics:
+    placed = mechanism.model_copy(update={"start": tuple(state.q), "start_speeds": tuple(state.u)})
+    system = RedundantSystem(placed)
+    y = system.start
+    a = system.rates(y, state.closed)[system.n :]
+    slides = [
+        float(np.dot(joint.axis, system.point(y, a, joint.child, joint.child_point)[2])) for joint in mechanism.slides
+    ]
+    torques = system.torques(y, state.closed)
+    return Dynamics(
+        accelerations=np.concatenate([a[2::3], slides]),
+        stop_torques=dict(zip(state.closed, torques.tolist(), strict=True)),
+        centres={body.name: system.point(y, a, body.name, body.centre)[0] for body in mechanism.bodies},
+        stop_gaps={name: system.gap(y[: system.n], name) for name in state.closed},
+    )
+
+
+def _has_heyoka() -> bool:
+    return importlib.util.find_spec("heyoka") is not None
+
+
+def sample_times(duration: float, interval: float, events: list[float]) -> FloatArray:
+    """A uniform grid from 0 [s], the end, and the events, sorted and without repeats."""
+    grid = interval * np.arange(int(np.floor(duration / interval * (1 + 1e-12))) + 1)
+    return np.unique(np.concatenate([grid[grid <= duration], [duration], events]))

@@ -1,0 +1,1 @@
+"""The named machines: their parameters, and how each becomes a mechanism."""

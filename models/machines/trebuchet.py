@@ -1,0 +1,94 @@
+"""The whipper trebuchet of the paper, fixed (Sec. II) and rolling (Sec. VI), as mechanisms."""
+
+from __future__ import annotations
+
+import math
+
+from ..errors import InputError
+from ..mechanism import GROUND, Body, Marker, Mechanism, PinJoint, SlotJoint, Stop
+from .parameters import TrebuchetParameters
+
+FULCRUM, SLING_PIN, HANGER_PIN = "fulcrum", "sling pin", "hanger pin"
+HANGER_REST, SLING_REST, ARM_STOP = "hanger rest", "sling rest", "arm stop"
+PROJECTILE, COUNTERWEIGHT = "projectile", "counterweight"
+
+
+def fixed(parameters: TrebuchetParameters | None = None) -> Mechanism:
+    """The machine whose fulcrum is pinned to the ground; q = (theta, phi, alpha).
+
+    Args:
+        parameters: Table I where left out.
+    """
+    p = parameters or TrebuchetParameters()
+    pin = PinJoint(name=FULCRUM, parent=GROUND, child="arm", parent_point=(0, 0), child_point=(0, 0))
+    return _whipper("fixed", p, pin, start=(p.theta0, p.phi0, p.alpha0))
+
+
+def rolling(parameters: TrebuchetParameters | None = None) -> Mechanism:
+    """The machine whose fulcrum rolls along x on massless wheels; q = (theta, phi, alpha, x_p).
+
+    Args:
+        parameters: Table I where left out.
+    """
+    p = parameters or TrebuchetParameters()
+    slot = SlotJoint(name=FULCRUM, child="arm", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0), coordinate="x_p")
+    return _whipper("rolling", p, slot, start=(p.theta0, p.phi0, p.alpha0, 0.0))
+
+
+def parameters_of(mechanism: Mechanism) -> TrebuchetParameters | None:
+    """The parameters a machine was built from; None if it is not one of these two, to the last bit."""
+    builders = {"fixed": fixed, "rolling": rolling}
+    names = {body.name for body in mechanism.bodies}
+    if mechanism.name not in builders or names != {"arm", "sling", "hanger"} or len(mechanism.joints) != 3:
+        return None
+    _, sling_pin, hanger_pin = mechanism.joints
+    try:
+        found = TrebuchetParameters(
+            l1=sling_pin.parent_point[0],
+            l2=-hanger_pin.parent_point[0],
+            m_b=mechanism.body("sling").mass,
+            m_cw=mechanism.body("hanger").mass,
+            m_a=mechanism.body("arm").mass,
+            h=mechanism.body("hanger").centre[0],
+            r=mechanism.body("sling").centre[0],
+            g=mechanism.gravity,
+            theta0=mechanism.start[0],
+            phi0=mechanism.start[1],
+            alpha0=mechanism.start[2],
+        )
+    except InputError:
+        return None
+    return found if builders[mechanism.name](found) == mechanism else None
+
+
+def _whipper(name: str, p: TrebuchetParameters, fulcrum: PinJoint | SlotJoint, start: tuple[float, ...]) -> Mechanism:
+    beam = p.l1 + p.l2
+    arm = Body(name="arm", angle="theta", mass=p.m_a, centre=((p.l1 - p.l2) / 2, 0), inertia=p.m_a * beam**2 / 12)
+    sling = Body(name="sling", angle="phi", mass=p.m_b, centre=(p.r, 0), inertia=0)
+    hanger = Body(name="hanger", angle="alpha", mass=p.m_cw, centre=(p.h, 0), inertia=0)
+    return Mechanism(
+        name=name,
+        bodies=(arm, sling, hanger),
+        joints=(
+            fulcrum,
+            PinJoint(name=SLING_PIN, parent="arm", child="sling", parent_point=(p.l1, 0), child_point=(0, 0)),
+            PinJoint(name=HANGER_PIN, parent="arm", child="hanger", parent_point=(-p.l2, 0), child_point=(0, 0)),
+        ),
+        stops=_stops(p),
+        markers=(
+            Marker(name=PROJECTILE, body="sling", point=(p.r, 0)),
+            Marker(name=COUNTERWEIGHT, body="hanger", point=(p.h, 0)),
+            Marker(name="arm centre", body="arm", point=arm.centre),
+        ),
+        gravity=p.g,
+        start=start,
+    )
+
+
+def _stops(p: TrebuchetParameters) -> tuple[Stop, ...]:
+    # The two rests stand where the machine starts (paper Eqs. 6, 7: phi_0 = phi[0], alpha_0 = alpha[0]), so a
+    # machine with other start angles has its rests elsewhere, and both always touch at the start.
+    hanger = Stop(name=HANGER_REST, body="hanger", relative_to="arm", sense=-1, limit=p.theta0 - p.alpha0, closed=True)
+    sling = Stop(name=SLING_REST, body="sling", relative_to="arm", sense=1, limit=p.phi0 - p.theta0, closed=True)
+    arm = Stop(name=ARM_STOP, body="arm", sense=-1, limit=-3 * math.pi / 2, closed=False)
+    return (hanger, sling, arm)

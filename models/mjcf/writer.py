@@ -1,0 +1,275 @@
+"""A mechanism as MuJoCo's model format, MJCF; written here, without MuJoCo.
+
+The plane of the mechanism is MuJoCo's x-z plane (our y is its z), and a hinge about `0 1 0` turns x towards -z:
+it is positive clockwise, as our angles are. MuJoCo's hinges are relative to the parent body, and every joint
+reads zero at the start. That zero matters: a closed stop then stands exactly at its limit, and how far it is
+pressed in (1e-10 rad) keeps all its digits, which it would lose beside an angle of order one.
+
+MuJoCo's own writer rounds to six digits, which moves the projectile by 3e-5 m; here each float is written as
+the shortest decimal that reads back to the same bits.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from ..errors import InputError, UnsupportedProblemError
+from ..files import write_text
+from ..mechanism import GROUND, Body, Mechanism, PinJoint, PointStop, SlotJoint, Stop
+from ..spec import Vector
+from .appearance import MODEL_FILE, add_shapes, add_stand, reach_of, scene
+from .points import Points, force_sensor, torque_sensor
+from .text import as_text, from_origin, number, numbers, spatial
+
+SCENE_FILE = "scene.xml"
+START_KEY = "start"
+KINETIC_ENERGY, POTENTIAL_ENERGY = "energy/kinetic", "energy/potential"
+
+FAR = 1e10
+"""Where a limit stands that is none [rad]: MuJoCo's ranges have two ends."""
+
+MARGIN = 1e-12
+"""How near its limit a joint must be for the limit to act [rad]; strictly nearer, so 0 would miss the start."""
+
+POINT_INERTIA = 2e-15
+"""Moment of inertia that stands for none [kg m^2]: twice the least that MuJoCo takes (mjMINVAL).
+
+It counts relative to m r^2: 1e-6 costs 1.6e-8 m on Table I, 1e-12 shows in the model of a machine of a few grams.
+"""
+
+
+def slide_joint(joint: str) -> str:
+    """Name of the sliding half of a slot joint; its turning half has the slot's own name."""
+    return f"{joint}/slide"
+
+
+def position_sensor(marker: str) -> str:
+    """Name of the sensor of a marker's position [m]."""
+    return f"{marker}/position"
+
+
+def velocity_sensor(marker: str) -> str:
+    """Name of the sensor of a marker's velocity [m/s]."""
+    return f"{marker}/velocity"
+
+
+def mjcf(mechanism: Mechanism, timestep: float = 1e-3) -> str:
+    """The mechanism as MJCF text, the same for equal mechanisms, to the byte.
+
+    Args:
+        mechanism: any.
+        timestep: of MuJoCo's integrator [s]; the stiffness of stops and loops is scaled with it.
+
+    Raises:
+        InputError: the time step is not positive and finite.
+        UnsupportedProblemError: a stop holds a body against itself, or a point of the ground.
+    """
+    if not (math.isfinite(timestep) and timestep > 0):
+        raise InputError(f"timestep = {timestep!r} s must be positive and finite.")
+    return as_text(_Writer(mechanism, timestep).root())
+
+
+def write_model_folder(mechanism: Mechanism, folder: str | Path, timestep: float = 1e-3) -> tuple[Path, Path]:
+    """Write `trebuchet.xml` and `scene.xml` into a folder, made if need be; neither is ever there half-written.
+
+    Args:
+        mechanism: any.
+        folder: where to; files of the same names are replaced.
+        timestep: as :func:`mjcf` [s].
+
+    Returns:
+        The two paths.
+
+    Raises:
+        InputError: the folder cannot be written to, or the time step is not valid.
+        UnsupportedProblemError: as :func:`mjcf`.
+    """
+    texts = {MODEL_FILE: mjcf(mechanism, timestep), SCENE_FILE: scene(mechanism)}
+    for name, text in texts.items():
+        write_text(Path(folder) / name, text)
+    return Path(folder) / MODEL_FILE, Path(folder) / SCENE_FILE
+
+
+def hinge_chain(mechanism: Mechanism, body: str) -> tuple[str, ...]:
+    """Joints from the ground to a body: the body's absolute angle is the sum of their hinges and the start."""
+    if body == GROUND:
+        return ()
+    joint = next(joint for joint in mechanism.tree_joints if joint.child == body)
+    return (*hinge_chain(mechanism, joint.parent), joint.name)
+
+
+class _Writer:
+    """One model's elements."""
+
+    def __init__(self, mechanism: Mechanism, timestep: float) -> None:
+        self.mechanism = mechanism
+        self.timestep = timestep
+        speeds = mechanism.start_speeds or (0.0,) * len(mechanism.start)
+        self.angle = _by_name(mechanism, mechanism.start)
+        self.speed = _by_name(mechanism, speeds)
+        self.slide = dict(zip(mechanism.coordinates, mechanism.start, strict=True))
+        self.slide_speed = dict(zip(mechanism.coordinates, speeds, strict=True))
+        self.ranges: dict[str, list[float]] = {}
+        self.points = Points(mechanism)
+        self.on_tendon = tuple(stop for stop in mechanism.angle_stops if not self._fits_its_joint(stop))
+
+    def root(self) -> ET.Element:
+        """The `mujoco` element."""
+        root = ET.Element("mujoco", model=self.mechanism.name)
+        root.append(ET.Comment(" Written by trebucheck.models.mjcf_writer; see README.md for signs and stops. "))
+        ET.SubElement(root, "compiler", angle="radian", autolimits="false")
+        option = ET.SubElement(root, "option", timestep=number(self.timestep), integrator="RK4", tolerance="1e-30")
+        option.set("gravity", numbers(0, 0, -self.mechanism.gravity))
+        if not self.points.walls:
+            ET.SubElement(option, "flag", contact="disable")
+        self._add_defaults(ET.SubElement(root, "default"))
+        self._add_world(ET.SubElement(root, "worldbody"))
+        self.points.add_constraints(root, self.timestep)
+        if self.on_tendon:
+            self._add_tendons(ET.SubElement(root, "tendon"))
+        self._add_sensors(ET.SubElement(root, "sensor"))
+        keyframe = ET.SubElement(root, "keyframe")
+        start = list(self._start_speeds(GROUND))
+        ET.SubElement(keyframe, "key", name=START_KEY, qpos=numbers(*[0.0] * len(start)), qvel=numbers(*start))
+        return root
+
+    def _gap(self, stop: Stop) -> float:
+        """Gap at the start [rad]; 0 to the last bit where it touches."""
+        if stop.closed:
+            return 0.0
+        return stop.sense * (self.angle[stop.body] - self.angle[stop.relative_to]) - stop.limit
+
+    def _range(self, stop: Stop) -> list[float]:
+        return [-self._gap(stop), FAR] if stop.sense > 0 else [-FAR, self._gap(stop)]
+
+    def _fits_its_joint(self, stop: Stop) -> bool:
+        """Give the stop an end of its joint's range; False where it is not the joint's or the end is taken."""
+        if stop.body == GROUND:
+            return False
+        joint = next(joint for joint in self.mechanism.tree_joints if joint.child == stop.body)
+        low, high = self._range(stop)
+        taken = self.ranges.get(joint.name, [-FAR, FAR])
+        end = 0 if stop.sense > 0 else 1
+        merged = [max(low, taken[0]), min(high, taken[1])]
+        # MuJoCo wants a range of some width: a joint clamped from both sides cannot have it.
+        if stop.relative_to != joint.parent or abs(taken[end]) != FAR or not merged[0] < merged[1]:
+            return False
+        self.ranges[joint.name] = merged
+        return True
+
+    def _start_speeds(self, parent: str) -> Iterator[float]:
+        """Joint speeds in MuJoCo's order: depth first, slides before hinges."""
+        for body in self.mechanism.children(parent):
+            joint = self._joint_of(body)
+            if isinstance(joint, SlotJoint) and joint.coordinate is not None:
+                yield self.slide_speed[joint.coordinate]
+            yield self.speed[body.name] - self.speed[parent]
+            yield from self._start_speeds(body.name)
+
+    def _joint_of(self, body: Body) -> PinJoint | SlotJoint:
+        return next(joint for joint in self.mechanism.tree_joints if joint.child == body.name)
+
+    def _add_defaults(self, default: ET.Element) -> None:
+        # A time constant of two steps and the greatest impedance MuJoCo takes: errors of the stops' softness
+        # then fall with the square of the step.
+        solref, solimp = numbers(2 * self.timestep, 1), "0.9999 0.9999 0.001 0.5 2"
+        stiff = {"solreflimit": solref, "solimplimit": solimp}
+        ET.SubElement(default, "joint", stiff, axis="0 1 0", margin=number(MARGIN))
+        ET.SubElement(default, "tendon", stiff, margin=number(MARGIN))
+        ET.SubElement(default, "geom", group="2", contype="0", conaffinity="0", mass="0")
+        ET.SubElement(default, "site", group="4", size=number(0.01 * reach_of(self.mechanism)))
+        self.points.add_defaults(default, solref, solimp, MARGIN)
+
+    def _add_world(self, world: ET.Element) -> None:
+        for joint in (*self.mechanism.tree_joints, *self.mechanism.loop_joints):
+            if joint.parent == GROUND:
+                add_stand(self.mechanism, world, joint)
+        self.points.add_walls(world)
+        self._add_sites(world, GROUND, (0.0, 0.0))
+        for body in self.mechanism.children(GROUND):
+            self._add_body(world, body)
+
+    def _add_body(self, parent: ET.Element, body: Body) -> None:
+        joint = self._joint_of(body)
+        turn = self.angle[body.name] - self.angle[joint.parent]
+        element = ET.SubElement(parent, "body", name=body.name, pos=self._place(joint), euler=numbers(0, turn, 0))
+        inertia = max(body.inertia, POINT_INERTIA)
+        ET.SubElement(
+            element, "inertial", pos=from_origin(joint.child_point, body.centre), mass=number(body.mass),
+            diaginertia=numbers(inertia, inertia, inertia),
+        )  # fmt: skip
+        self._add_joints(element, joint)
+        add_shapes(self.mechanism, element, body, joint.child_point)
+        ET.SubElement(element, "site", name=f"{joint.name}/joint")
+        self._add_sites(element, body.name, joint.child_point)
+        self.points.add_points(element, body, joint.child_point)
+        for child in self.mechanism.children(body.name):
+            self._add_body(element, child)
+
+    def _place(self, joint: PinJoint | SlotJoint) -> str:
+        """Where a body's frame stands in its parent's at the start; MuJoCo's frames have their joint as origin."""
+        if isinstance(joint, SlotJoint) and joint.coordinate is not None:
+            s = self.slide[joint.coordinate]
+            return spatial((joint.parent_point[0] + s * joint.axis[0], joint.parent_point[1] + s * joint.axis[1]))
+        if joint.parent == GROUND:
+            return spatial(joint.parent_point)
+        return from_origin(self._joint_of(self.mechanism.body(joint.parent)).child_point, joint.parent_point)
+
+    def _add_joints(self, element: ET.Element, joint: PinJoint | SlotJoint) -> None:
+        if isinstance(joint, SlotJoint):
+            # MuJoCo takes an axis in the child's frame as it stands at the start.
+            axis = _turned_back(joint.axis, self.angle[joint.child])
+            ET.SubElement(element, "joint", name=slide_joint(joint.name), type="slide", axis=spatial(axis))
+        hinge = ET.SubElement(element, "joint", name=joint.name, type="hinge")
+        if joint.name in self.ranges:
+            hinge.set("limited", "true")
+            hinge.set("range", numbers(*self.ranges[joint.name]))
+
+    def _add_sites(self, element: ET.Element, body: str, origin: Vector) -> None:
+        for marker in self.mechanism.markers:
+            if marker.body == body:
+                ET.SubElement(element, "site", name=marker.name, pos=from_origin(origin, marker.point))
+
+    def _add_tendons(self, tendon: ET.Element) -> None:
+        """Stops that no joint's range can be: a limit on the sum of the hinges between the two bodies."""
+        for stop in self.on_tendon:
+            up, down = (hinge_chain(self.mechanism, body) for body in (stop.body, stop.relative_to))
+            weights = {name: 1 for name in up if name not in down} | {name: -1 for name in down if name not in up}
+            if not weights:
+                raise UnsupportedProblemError(f"stop {stop.name!r} holds {stop.body!r} against itself.")
+            fixed = ET.SubElement(tendon, "fixed", name=stop.name, limited="true", range=numbers(*self._range(stop)))
+            for name, weight in weights.items():
+                ET.SubElement(fixed, "joint", joint=name, coef=str(weight))
+
+    def _add_sensors(self, sensor: ET.Element) -> None:
+        for stop in self.mechanism.stops:
+            if isinstance(stop, PointStop):
+                self.points.add_stop_sensor(sensor, stop)
+            elif stop in self.on_tendon:
+                ET.SubElement(sensor, "tendonlimitfrc", name=torque_sensor(stop.name), tendon=stop.name)
+            else:
+                joint = self._joint_of(self.mechanism.body(stop.body)).name
+                ET.SubElement(sensor, "jointlimitfrc", name=torque_sensor(stop.name), joint=joint)
+        for joint in self.mechanism.tree_joints:
+            ET.SubElement(sensor, "force", name=force_sensor(joint.name), site=f"{joint.name}/joint")
+        self.points.add_force_sensors(sensor)
+        for marker in self.mechanism.markers:
+            of = {"objtype": "site", "objname": marker.name}
+            ET.SubElement(sensor, "framepos", of, name=position_sensor(marker.name))
+            ET.SubElement(sensor, "framelinvel", of, name=velocity_sensor(marker.name))
+        ET.SubElement(sensor, "e_kinetic", name=KINETIC_ENERGY)
+        ET.SubElement(sensor, "e_potential", name=POTENTIAL_ENERGY)
+
+
+def _by_name(mechanism: Mechanism, values: Sequence[float]) -> dict[str, float]:
+    """Angles (or their speeds) by the bodies' names, the ground's being zero."""
+    return {body.name: values[i] for i, body in enumerate(mechanism.bodies)} | {GROUND: 0.0}
+
+
+def _turned_back(vector: Vector, angle: float) -> Vector:
+    """A world direction in the frame of a body at an angle (positive clockwise)."""
+    c, s = math.cos(angle), math.sin(angle)
+    return (c * vector[0] - s * vector[1], s * vector[0] + c * vector[1])

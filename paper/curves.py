@@ -1,0 +1,170 @@
+"""The paper's Figs. 2 to 7, drawn again: our curves, engines' samples on them, and the numbers it prints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Literal
+
+import numpy as np
+
+from ..models.arrays import FloatArray
+from ..models.machines.trebuchet import COUNTERWEIGHT, HANGER_REST, PROJECTILE, SLING_REST
+from ..models.trajectory import Trajectory
+from .evidence import Evidence
+from .results import Series
+from .sweep.results import Sweep
+from .throws.grids import TIME_STEP
+from .throws.throws import MachineThrow
+
+_POINTS = 400
+_SAMPLED = 14  # points of each engine along a curve: enough to see that they lie on it
+_ABOUT = 0.06  # [s] before and after the best release in Fig. 4
+_AHEAD, _AFTER = 0.35, 0.06  # [s] before and after the fastest instant in Fig. 7
+_T, _TORQUE, _R = "t [s]", "multiplier [N m]", "R"
+
+Kind = Literal["line", "points", "printed"]
+Values = Callable[[Trajectory], tuple[FloatArray, FloatArray]]
+"""x and y of a curve, from a trajectory."""
+
+
+def series(evidence: Evidence) -> tuple[Series, ...]:
+    """All of them."""
+    fixed = evidence.throws["fixed"]
+    found = [
+        *_torque(fixed, "Fig. 2", HANGER_REST, 1.0),
+        *_torque(fixed, "Fig. 3", SLING_REST, -1.0),
+        *_range(fixed),
+        *_speed(evidence),
+        *(
+            each
+            for panel, name in zip("ab", evidence.throws, strict=False)
+            for each in _path(evidence.throws[name], f"Fig. 6{panel}")
+        ),
+        *(
+            each
+            for panel, name in zip("ab", evidence.throws, strict=False)
+            for each in _ratio(evidence, name, f"Fig. 7{panel}")
+        ),
+    ]
+    return tuple(found)
+
+
+def _curve(
+    throw: MachineThrow, figure: str, labels: tuple[str, str], start: float, end: float, of: Values
+) -> list[Series]:
+    """Ours as a line from start to end [s], each engine's as samples of its own."""
+    ours = of(throw.at(np.linspace(start, end, _POINTS)))
+    found = [_series(figure, "reference", "line", None, labels, ours)]
+    for each in throw.engines:
+        if each.trajectory is None:
+            continue
+        try:
+            x, y = of(each.trajectory)
+        except ValueError:
+            continue  # the engine does not show it
+        t = each.trajectory.t
+        wanted = np.searchsorted(t, np.linspace(start, end, _SAMPLED))
+        inside = np.unique(wanted[(wanted < len(t)) & (t[np.minimum(wanted, len(t) - 1)] <= end)])
+        found.append(_series(figure, each.engine, "points", each.engine, labels, (x[inside], y[inside])))
+    return found
+
+
+def _series(
+    figure: str,
+    name: str,
+    kind: Kind,
+    engine: str | None,
+    labels: tuple[str, str],
+    values: tuple[FloatArray, FloatArray],
+) -> Series:
+    x, y = values
+    fine = np.isfinite(x) & np.isfinite(y)
+    return Series(
+        figure=figure,
+        name=name,
+        kind=kind,
+        engine=engine,
+        x_label=labels[0],
+        y_label=labels[1],
+        x=tuple(x[fine].tolist()),
+        y=tuple(y[fine].tolist()),
+    )
+
+
+def _printed(figure: str, name: str, labels: tuple[str, str], x: list[float], y: list[float]) -> Series:
+    return _series(figure, name, "printed", None, labels, (np.array(x), np.array(y)))
+
+
+def _torque(throw: MachineThrow, figure: str, stop: str, sign: float) -> list[Series]:
+    end = throw.solution.release_times[stop]
+    until = throw.launch_time if end is None else min(1.1 * end, throw.launch_time)
+    return _curve(throw, figure, (_T, _TORQUE), 0.0, until, lambda t: (t.t, sign * t.stop_torque(stop)))
+
+
+def _range(throw: MachineThrow) -> Iterator[Series]:
+    labels, best = ("release time [s]", "range [m]"), throw.figures["best_release_time, longest range"]
+    curve = _curve(throw, "Fig. 4", labels, best - _ABOUT, best + _ABOUT, lambda t: (t.t, _vacuum_range(t)))
+    yield from curve
+    times = np.arange(np.ceil((best - _ABOUT) / TIME_STEP), (best + _ABOUT) / TIME_STEP) * TIME_STEP
+    yield _series(
+        "Fig. 4", "the paper's grid of times", "points", None, labels, (times, _vacuum_range(throw.at(times)))
+    )
+    low, high = min(curve[0].y), max(curve[0].y)
+    yield _printed("Fig. 4", "2.745 s", labels, [2.745, 2.745], [low, high])
+
+
+def _vacuum_range(trajectory: Trajectory) -> FloatArray:
+    (x, y), (vx, vy) = trajectory.marker(PROJECTILE).position.T, trajectory.marker(PROJECTILE).velocity.T
+    g = trajectory.mechanism.gravity
+    with np.errstate(invalid="ignore"):
+        return x + vx * (vy + np.sqrt(vy**2 + 2 * g * y)) / g
+
+
+def _speed(evidence: Evidence) -> Iterator[Series]:
+    labels, sweep = ("l1 [m]", "launch speed [m/s]"), evidence.sections.get("sweep")
+    if not isinstance(sweep, Sweep):
+        return
+    curve, l1 = sweep.curve, np.array(sweep.curve.l1)
+    laws = (("rests that can only push", curve.release_once), ("rests that hold as the paper's", curve.bilateral))
+    for name, speeds in laws:
+        yield _series(
+            "Fig. 5", name, "line", None, labels, (l1, np.array([np.nan if v is None else v for v in speeds]))
+        )
+    names = dict.fromkeys(each.engine for place in sweep.positions for each in place.engines)
+    for name in names:
+        found = [
+            (p.l1, e.value) for p in sweep.positions for e in p.engines if e.engine == name and e.value is not None
+        ]
+        if found:
+            x, y = np.array(found).T
+            yield _series("Fig. 5", name, "points", name, labels, (x, y))
+    yield _printed("Fig. 5", "the paper's numbers", labels, [9.91, 10.0, 10.3, 12.7], [100.55, 99.4, 0.0, 0.0])
+
+
+def _path(throw: MachineThrow, figure: str) -> list[Series]:
+    def path(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
+        x, y = trajectory.marker(COUNTERWEIGHT).position.T
+        return x, y
+
+    return _curve(throw, figure, ("x [m]", "y [m]"), 0.0, throw.launch_time, path)
+
+
+def _ratio(evidence: Evidence, name: str, figure: str) -> Iterator[Series]:
+    throw, labels = evidence.throws[name], ("launch time [s]", _R)
+    mechanism, energy = throw.mechanism, throw.figures["total_energy, start"]
+    mass = mechanism.body(next(m.body for m in mechanism.markers if m.name == PROJECTILE)).mass
+    fastest = throw.figures["largest_ratio_time, fastest"]
+
+    def ratio(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
+        speed = np.linalg.norm(trajectory.marker(PROJECTILE).velocity, axis=1)
+        return trajectory.t, 0.5 * mass * speed**2 / energy
+
+    start = max(0.0, fastest - _AHEAD)
+    yield from _curve(throw, figure, labels, start, fastest + _AFTER, ratio)
+    time, value = throw.launch_time, throw.figures["energy_ratio, launch"]
+    yield _series(
+        figure, "45 deg", "line", None, labels, (np.array([time, time, start]), np.array([0.0, value, value]))
+    )
+    printed = {"fixed": 1.42, "rolling": 1.83}.get(name)
+    if printed is not None:
+        yield _printed(figure, f"R = {printed:g}", labels, [time], [printed])

@@ -1,0 +1,207 @@
+"""The first sweep of a throw, read for two instants: the projectile's largest kinetic energy, and its best release."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import Chebyshev
+
+from ...models.arrays import FloatArray
+from ...models.errors import TrebucheckError
+from ...models.launch import launch_interval, lead
+from ...models.machines.parameters import TrebuchetParameters
+from ...models.machines.trebuchet import ARM_STOP, COUNTERWEIGHT, PROJECTILE, SLING_REST
+from ...models.mechanism import Mechanism
+from ...models.problem import Problem
+from ...reference.solution import Solution
+from ...reference.solver import natural_time, solve
+from ...reference.taylor.solve import solve_taylor
+from ...reference.throw.flight import Release, Surroundings, fall_time, fly
+from ...reference.throw.release import Projectile
+from ..machines.energy import available_energy
+from .results import Reading, Throwing
+
+_SPANS = (1.9, 3.0)  # longest motions looked at, in natural times; Table I's rolling machine has swept after 1.5
+_SCAN = 1000  # instants looked at from the sling's release on: some 2 ms apart on Table I
+_DEGREE = 10  # of interpolants over two such intervals, in which a throw changes by a tenth: to rounding
+_REAL = 1e-9  # [s] imaginary part of a root that is rounding
+_LOOKS = 200  # at the arm's angle, which changes by 0.03 rad in between
+_COARSE = 1e-11  # local error where heyoka is not installed
+_SAMPLES = 800  # of a motion, for its largest torques and lowest places
+
+Solver = Callable[[Problem], Solution]
+
+
+def quick(problem: Problem) -> Solution:
+    """The fastest integrator here that leaves nothing to be seen at a nanosecond."""
+    if importlib.util.find_spec("heyoka") is not None:
+        return solve_taylor(problem)
+    return solve(problem, _COARSE, _COARSE)
+
+
+@dataclass(frozen=True)
+class FirstSweep:
+    """A machine's first forward throw."""
+
+    projectile: Projectile
+    surroundings: Surroundings
+    fastest: float
+    """When the projectile's kinetic energy is largest [s]."""
+    best: Release
+    """The release that flies farthest."""
+    range: float
+    """[m]"""
+    launch: float
+    """When the velocity comes down to 45 degrees [s]."""
+
+    @property
+    def solution(self) -> Solution:
+        """The machine's motion."""
+        return self.projectile.solution
+
+    def apart(self, reading: Reading) -> float:
+        """Largest kinetic energy after the release it is to coincide with [s]."""
+        return self.fastest - (self.best.time if reading is Reading.RANGE_OPTIMAL else self.launch)
+
+
+def first_sweep(mechanism: Mechanism, solver: Solver = quick) -> FirstSweep | None:
+    """The first sweep of a machine; None where it is no throw.
+
+    It is one where the sling's rest opens, the velocity comes down to 45 degrees within three natural times, the speed
+    has its largest value inside the sweep and not at an end of it, a release flies forward to the fulcrum's height,
+    and the arm does not come to its stop before any of these instants.
+    """
+    try:
+        scanned = _scanned(mechanism, solver)
+        if scanned is None:
+            return None
+        around = Surroundings(gravity=mechanism.gravity)
+        fastest = scanned.largest(lambda _, v, __: np.sum(v**2, axis=1), lambda _, v, a: np.sum(v * a, axis=1))
+        best = scanned.largest(lambda x, v, _: _ranges(x, v, around), lambda x, v, a: _range_rates(x, v, a, around))
+        launch = scanned.launch
+        if fastest is None or best is None or launch is None:
+            return None
+        release = scanned.projectile.release_at(best)
+        reached = fly(release, around).range
+    except TrebucheckError:
+        return None
+    found = FirstSweep(scanned.projectile, around, fastest, release, reached, launch)
+    return found if reached > 0 and release.velocity[0] > 0 and _before_the_arm_stop(found) else None
+
+
+States = tuple[FloatArray, FloatArray, FloatArray]
+Along = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
+"""A quantity of the projectile's position, velocity and acceleration, each (n, 2)."""
+
+
+@dataclass(frozen=True)
+class _Scanned:
+    """A sweep looked at in many instants at once."""
+
+    projectile: Projectile
+    times: FloatArray
+    states: States
+
+    @property
+    def launch(self) -> float | None:
+        """When the velocity comes down to 45 degrees [s]."""
+        i = launch_interval(self.states[1])
+        return None if i is None else self._zero(lambda _, v, __: lead(v), i, i + 1)
+
+    def largest(self, value: Along, rate: Along) -> float | None:
+        """When a quantity is largest [s]: the zero of its rate; None at an end of the sweep."""
+        i = int(np.nanargmax(value(*self.states)))
+        return None if i in (0, len(self.times) - 1) else self._zero(rate, i - 1, i + 1)
+
+    def _zero(self, rate: Along, before: int, after: int) -> float | None:
+        """Of a smooth quantity between two of the instants [s], on its interpolant through Chebyshev's points."""
+        domain = (float(self.times[before]), float(self.times[after]))
+        fit = Chebyshev.interpolate(lambda t: rate(*self.projectile.states(t)), _DEGREE, domain)
+        if not np.all(np.isfinite(fit.coef)):
+            return None  # beside this instant nothing lands
+        roots = fit.roots()
+        real = roots.real[np.abs(roots.imag) < _REAL]
+        return next((float(root) for root in real if domain[0] <= root <= domain[1]), None)
+
+
+def _scanned(mechanism: Mechanism, solver: Solver) -> _Scanned | None:
+    """From the opening of the sling's rest to the velocity's first pointing straight down.
+
+    A short sling may whirl the projectile over without its ever pointing down: then to the end of the shortest motion
+    in which it is launched.
+    """
+    scale, launched = natural_time(mechanism), None
+    for spans in _SPANS:
+        projectile = Projectile(solver(Problem(mechanism, duration=spans * scale)))
+        if projectile.solution.release_times[SLING_REST] is None:
+            continue
+        times = np.linspace(projectile.opened, projectile.end, _SCAN)
+        states = projectile.states(times)
+        down = launch_interval(states[1], -math.pi / 2)
+        if down is not None:
+            swept = slice(0, down + 1)
+            return _Scanned(projectile, times[swept], (states[0][swept], states[1][swept], states[2][swept]))
+        if launched is None and launch_interval(states[1]) is not None:
+            launched = _Scanned(projectile, times, states)
+    return launched
+
+
+def _ranges(position: FloatArray, velocity: FloatArray, around: Surroundings) -> FloatArray:
+    """Of releases, NaN where nothing lands [m], shape (n,)."""
+    ranges = position[:, 0] + velocity[:, 0] * fall_time(position[:, 1], velocity[:, 1], around) - around.origin
+    return np.where(np.isfinite(ranges), ranges, -np.inf)
+
+
+def _range_rates(
+    position: FloatArray, velocity: FloatArray, acceleration: FloatArray, around: Surroundings
+) -> FloatArray:
+    """Change of the range per second of later release [m/s], shape (n,): as flight.range_rate, for many at once."""
+    time = fall_time(position[:, 1], velocity[:, 1], around)
+    moved = velocity + acceleration * time[:, None]
+    return moved[:, 0] - velocity[:, 0] / (velocity[:, 1] - around.gravity * time) * moved[:, 1]
+
+
+def kinetic_rate(projectile: Projectile, t: float) -> float:
+    """Rate of the kinetic energy per mass, v . a [m^2/s^3]."""
+    _, velocity, acceleration = projectile.states(np.array([t]))
+    return float(velocity[0] @ acceleration[0])
+
+
+def _before_the_arm_stop(found: FirstSweep) -> bool:
+    kinematics = found.solution.equations.kinematics
+    times = np.linspace(0.0, max(found.fastest, found.best.time, found.launch), _LOOKS)
+    return bool(np.all(kinematics.gap(ARM_STOP, found.solution.motion(times).q) > 0))
+
+
+def described(parameters: TrebuchetParameters, found: FirstSweep) -> Throwing:
+    """The figures of a first sweep."""
+    solution, p = found.solution, parameters
+    until = max(found.best.time, found.fastest)
+    path = solution.trajectory(np.linspace(0.0, until, _SAMPLES))
+    mechanism = solution.problem.mechanism
+    kinetic = 0.5 * p.m_b * found.best.speed**2
+    available = available_energy(mechanism)
+    opened = solution.release_times[SLING_REST]
+    assert opened is not None  # or there were no first sweep
+    return Throwing(
+        parameters=p,
+        lever_ratio=p.l1 / p.l2,
+        fastest_time=found.fastest,
+        best_time=found.best.time,
+        launch_time=found.launch,
+        largest_speed=found.projectile.release_at(found.fastest).speed,
+        speed=found.best.speed,
+        angle=found.best.angle,
+        range=found.range,
+        ratio=kinetic / float(path.total_energy[0]),
+        available_energy=available,
+        efficiency=kinetic / available,
+        arm_angle=float(solution.motion(np.array([found.best.time])).q[0, 0]),
+        sling_release=opened,
+        rest_torques={s.name: float(path.stop_torque(s.name).max()) for s in mechanism.stops if s.closed},
+        lowest={name: float(path.marker(name).position[:, 1].min()) for name in (PROJECTILE, COUNTERWEIGHT)},
+    )

@@ -1,0 +1,155 @@
+"""A rolling machine whose projectile is fastest at its best release: the question the paper's Sec. VI ends with."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...comparisons.runs.worker import Worker
+from ...models.arrays import FloatArray
+from ...models.errors import InputError, SimulationError
+from ...models.machines.parameters import TrebuchetParameters
+from ...models.machines.trebuchet import fixed, rolling
+from ...models.mechanism import Mechanism
+from ...reference.solver import solve
+from ...reference.throw.throw import throw
+from ..results import Quantity
+from ..sweep.study import ENGINES
+from .engines import confirmed
+from .first_forward_swing import described, first_sweep
+from .results import Bounds, CoincidingDesign, Design, Reading, Throwing
+from .search import NAMES, NEARNESS, RANGE, Family, Objective
+
+__all__ = ["Bounds", "Design", "design_rolling"]
+
+FARTHEST, NEAREST, AT_45 = "farthest", "nearest to the paper's", "fastest at 45 degrees"
+"""Names of the designs."""
+CONSTRAINTS = (
+    "same masses, gravity and start angles as the given machine; arm of the given length, l1 + l2",
+    "the sling's rest opens, and the velocity then comes down to 45 degrees within three natural times",
+    "the projectile's speed is largest inside the first sweep, not at an end of it",
+    "the best release of the first sweep throws forward, back to the fulcrum's height",
+    "the arm does not come to its stop (theta = 3 pi / 2) before either instant",
+)
+_SAFETY = 4.0  # on the difference of two integrators, as where certificates are estimated
+
+
+def design_rolling(
+    parameters: TrebuchetParameters | None = None,
+    bounds: Bounds | None = None,
+    engines: Sequence[str] = ENGINES,
+    worker: Worker | None = None,
+) -> Design:
+    """Choose r, h and l1 of a rolling machine so that its largest kinetic energy comes at its best release.
+
+    One condition on three lengths: of all machines that meet it, the one that throws farthest and the one nearest to
+    the given machine are looked for, by sequential quadratic programming from the best of a coarse grid; and the one
+    that throws farthest with its largest kinetic energy at 45 degrees. What is reported is computed anew by the
+    reference, and its optimality conditions are checked.
+
+    Args:
+        parameters: masses, gravity, start angles, length of the arm, and the machine to compare with; Table I if
+            left out.
+        bounds: of r, h and l1.
+        engines: names; one that fails or is absent becomes a note.
+        worker: the process engines run in; None: this one.
+
+    Raises:
+        InputError: the bounds are empty or leave the arm, the given machine does not throw, or no design was found.
+        SimulationError: the reference's own integrator does not see the throw the search found.
+    """
+    began = time.perf_counter()
+    p, within = parameters or TrebuchetParameters(), bounds or Bounds()
+    _refuse_bounds(within, p.l1 + p.l2)
+    search = _Search(p, within, engines, worker)
+    designs = search.designs()
+    return Design(
+        bounds=within,
+        constraints=CONSTRAINTS,
+        paper_rolling=_thrown(p, rolling),
+        paper_fixed=_thrown(p, fixed),
+        designs=designs,
+        unconstrained=search.unconstrained(),
+        seconds=time.perf_counter() - began,
+    )
+
+
+@dataclass(frozen=True)
+class _Search:
+    parameters: TrebuchetParameters
+    bounds: Bounds
+    engines: Sequence[str]
+    worker: Worker | None
+
+    @cached_property
+    def family(self) -> Family:
+        return Family(self.parameters, self.parameters.l1 + self.parameters.l2, self.bounds)
+
+    @cached_property
+    def starts(self) -> list[FloatArray]:
+        found = self.family.starts()
+        if not found:
+            raise InputError(
+                f"bounds = {self.bounds.model_dump()} hold no machine of the coarse grid that throws and has its "
+                "largest kinetic energy near its best release; wider ones are needed."
+            )
+        return found
+
+    def designs(self) -> tuple[CoincidingDesign, ...]:
+        farthest = self._design(FARTHEST, self.family, RANGE, self.starts)
+        given = np.ones(len(NAMES))
+        first = given if farthest is None else self.family.place(farthest.throwing.parameters)
+        nearest = self._design(NEAREST, self.family, NEARNESS, [given, first])
+        at_45 = Family(self.family.parameters, self.family.beam, self.bounds, Reading.FORTY_FIVE)
+        found = (farthest, nearest, self._design(AT_45, at_45, RANGE, [first]))
+        return tuple(design for design in found if design is not None)
+
+    def unconstrained(self) -> Throwing | None:
+        x = self.family.farthest(self.starts[0])
+        return None if x is None else _thrown(self.family.machine(x), rolling)
+
+    def _design(
+        self, name: str, family: Family, objective: Objective, starts: Sequence[FloatArray]
+    ) -> CoincidingDesign | None:
+        """The best that was reached from any start; None if none reached one."""
+        reached = family.maximised(starts, objective)
+        if not reached:
+            return None
+        x = reached[0]
+        sketched, found = family.sweep(x), first_sweep(rolling(family.machine(x)), solve)
+        if sketched is None or found is None:
+            raise SimulationError(f"the design {name!r} throws by one integrator of the reference and not by another.")
+        apart = found.apart(family.reading)
+        width = _SAFETY * abs(apart - sketched.apart(family.reading)) + float(np.spacing(found.fastest))
+        return CoincidingDesign(
+            name=name,
+            objective="range" if objective is RANGE else "nearness",
+            reading=family.reading,
+            throwing=described(family.machine(x), found),
+            difference=Quantity(value=apart, uncertainty=width, unit="s"),
+            change=float(np.linalg.norm(x - 1)),
+            optimality=family.conditions(x, objective, reached, len(starts)),
+            warnings=throw(rolling(family.machine(x)), best=True).warnings,
+            engines=confirmed(self.engines, found, self.worker),
+        )
+
+
+def _thrown(parameters: TrebuchetParameters, build: Callable[[TrebuchetParameters], Mechanism]) -> Throwing:
+    mechanism = build(parameters)
+    found = first_sweep(mechanism, solve)
+    if found is None:
+        raise InputError(f"the {mechanism.name!r} machine to compare with does not throw in its first sweep.")
+    return described(parameters, found)
+
+
+def _refuse_bounds(bounds: Bounds, beam: float) -> None:
+    for name in NAMES:
+        low, high = getattr(bounds, name)
+        if not 0 < low < high:
+            raise InputError(f"{name} = {(low, high)!r} of the bounds must be two positive lengths in m, rising.")
+    if not bounds.l1[1] < beam:
+        raise InputError(f"l1 = {bounds.l1!r} of the bounds must stay below the arm's length of {beam!r} m.")

@@ -1,0 +1,213 @@
+"""The paper's figures that depend on its start angles: as printed, and computed at any start."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ...engines.reference.engine import ReferenceEngine
+from ...models.arrays import FloatArray
+from ...models.errors import InputError
+from ...models.machines.parameters import TrebuchetParameters
+from ...models.machines.trebuchet import COUNTERWEIGHT, PROJECTILE, fixed, rolling
+from ...models.mechanism import Mechanism
+from ...models.problem import Problem
+from ...reference.solution import Solution
+from ...reference.throw.flight import Surroundings
+from ...reference.throw.release import Projectile
+from ..printed import parse
+from .results import Angles, PrintedFigure
+
+Start = Sequence[float] | FloatArray
+"""(theta0, phi0, alpha0) [rad]."""
+
+ANGLES = ("theta0", "phi0", "alpha0")
+RELEASE, PHI, SPEED, R_FIXED, R_ROLLING = "release time", "phi at release", "launch speed", "R fixed", "R rolling"
+PHI_RADIANS, ENERGY, FASTER = "phi at release, in radians", "kinetic energy, rolling / fixed", "rolling faster by"
+SWING, TWICE_SWING = "counterweight swings out further by", "there and back"
+SHORTER = "launch speed with the shorter arm"
+
+SHORTER_ARM = 9.91
+"""l1 of :data:`SHORTER` [m], the whole arm's length unchanged (Sec. V)."""
+
+GRID = 0.005
+"""The paper's step between release times [s] (Sec. IV)."""
+
+_BEYOND = 0.3  # [s] solved past the printed release, and once more as long where a machine launches later
+_SAMPLES = 200  # of the counterweight's swing, between which its turning point is found
+_ROUNDED = "half a unit of the last printed digit"
+
+
+def _figure(
+    name: str, where: str, printed: str, unit: str, fitted: bool = True, grid: float = 0.0, because: str = _ROUNDED
+) -> PrintedFigure:
+    number = parse(printed)
+    half = max(number.half, grid / 2)
+    return PrintedFigure(
+        name=name,
+        where=where,
+        printed=printed,
+        unit=unit,
+        value=number.value,
+        half=half,
+        because=because,
+        fitted=fitted,
+    )
+
+
+PRINTED = (
+    _figure(RELEASE, "Sec. IV", "2.745", "s", grid=GRID, because=f"half the paper's grid of {GRID} s"),
+    _figure(PHI, "Sec. IV", "585", "deg"),
+    _figure(PHI_RADIANS, "Sec. IV", "10.2", "rad", fitted=False),
+    _figure(SPEED, "Sec. V", "99.4", "m/s"),
+    _figure(SHORTER, "Sec. V", "100.55", "m/s", because=f"{_ROUNDED}; l1 = {SHORTER_ARM} m is a point of its sweep"),
+    _figure(R_FIXED, "Sec. VI", "1.42", ""),
+    _figure(R_ROLLING, "Sec. VI", "1.83", ""),
+    _figure(ENERGY, "Sec. VI", "1.3", "", fitted=False),
+    _figure(FASTER, "Sec. VI", "13", "m/s", fitted=False),
+    _figure(SWING, "Sec. VI", "3.3", "m"),
+    _figure(TWICE_SWING, "Sec. VI", "6.6", "m", fitted=False),
+)
+"""What the print allows. Not fitted: what is another printed number in other units, twice it, or follows from it."""
+
+NEEDED = (RELEASE, PHI, SPEED, R_FIXED, R_ROLLING, SHORTER)
+"""Without these there is no search and no bounded fit."""
+
+
+def machines(parameters: TrebuchetParameters, angles: Start) -> tuple[Mechanism, Mechanism, Mechanism]:
+    """Fixed, rolling, and fixed with the shorter arm, started at (theta0, phi0, alpha0) [rad].
+
+    Raises:
+        InputError: an angle is not in range, or the whole arm is not longer than the shorter arm's l1.
+    """
+    fields = parameters.model_dump() | dict(zip(ANGLES, (float(angle) for angle in angles), strict=True))
+    beam = fields["l1"] + fields.pop("l2")
+    shorter = TrebuchetParameters.with_beam(**fields | {"l1": SHORTER_ARM, "beam": beam})
+    started = TrebuchetParameters(**fields, l2=parameters.l2)
+    return fixed(started), rolling(started), fixed(shorter)
+
+
+@dataclass
+class Headlines:
+    """Misses of the printed figures as functions of the start angles; every start is computed once."""
+
+    parameters: TrebuchetParameters
+    printed: tuple[PrintedFigure, ...] = PRINTED
+    _known: dict[Angles, FloatArray] = field(default_factory=dict[Angles, FloatArray])
+
+    def __post_init__(self) -> None:
+        names, known = [figure.name for figure in self.printed], [figure.name for figure in PRINTED]
+        wrong = sorted(name for name in set(names) if name not in known or names.count(name) > 1)
+        missing = [name for name in NEEDED if name not in names]
+        if wrong or missing:
+            raise InputError(
+                f"printed holds {names!r}; each of {NEEDED} must be there, and others of {tuple(known)}, all but once."
+            )
+
+    def misses(self, angles: Start) -> FloatArray:
+        """(computed - printed) in half widths, shape (n,).
+
+        Raises:
+            InputError: a machine does not launch from there.
+        """
+        key = (float(angles[0]), float(angles[1]), float(angles[2]))
+        if key not in self._known:
+            found = computed(self.parameters, key, self.release_time)
+            self._known[key] = np.array([(found[f.name] - f.value) / f.half for f in self.printed])
+        return self._known[key]
+
+    def jacobian(self, angles: Start, step: float = 1e-5) -> FloatArray:
+        """Of the misses, [1/rad], shape (n, 3): central differences, good to step^2 and rounding / step."""
+        at = np.asarray(angles, dtype=np.float64)
+        columns = [(self.misses(at + d) - self.misses(at - d)) / (2 * step) for d in np.eye(3) * step]
+        return np.stack(columns, axis=1)
+
+    @property
+    def release_time(self) -> float:
+        """As printed [s]: phi is given for that instant."""
+        return next(figure.value for figure in self.printed if figure.name == RELEASE)
+
+    @property
+    def fitted(self) -> list[int]:
+        """Indices of the figures that count in a least squares fit."""
+        return [i for i, figure in enumerate(self.printed) if figure.fitted]
+
+
+def computed(parameters: TrebuchetParameters, angles: Start, release_time: float) -> dict[str, float]:
+    """Every figure of :data:`PRINTED` at a start, in its printed unit.
+
+    Raises:
+        InputError: a machine does not launch within about twice the printed release time.
+    """
+    still, rolls, shorter = (_moved(m, release_time + _BEYOND) for m in machines(parameters, angles))
+    speeds = [_speed(solution) for solution in (still, rolls, shorter)]
+    mass = parameters.m_b
+    energy = float(still.trajectory(np.zeros(1)).total_energy[0])
+    phi = float(still.motion(np.array([release_time])).q[0, still.problem.mechanism.coordinates.index("phi")])
+    swing = _rightmost(still) - _rightmost(rolls)
+    return {
+        RELEASE: _best_release(still),
+        PHI: math.degrees(phi),
+        PHI_RADIANS: phi,
+        SPEED: speeds[0],
+        SHORTER: speeds[2],
+        R_FIXED: 0.5 * mass * speeds[0] ** 2 / energy,  # Eq. (11)
+        R_ROLLING: 0.5 * mass * speeds[1] ** 2 / energy,
+        ENERGY: (speeds[1] / speeds[0]) ** 2,
+        FASTER: speeds[1] - speeds[0],
+        SWING: swing,
+        TWICE_SWING: 2 * swing,
+    }
+
+
+def _moved(mechanism: Mechanism, duration: float) -> Solution:
+    reference = ReferenceEngine(integrator="auto")  # Taylor series where heyoka is: several times as fast
+    solution = reference.solve(Problem(mechanism, duration))
+    return solution if solution.launch else reference.solve(Problem(mechanism, 2 * duration))
+
+
+def _speed(solution: Solution) -> float:
+    if solution.launch is None:
+        mechanism = solution.problem.mechanism
+        raise InputError(
+            f"the {mechanism.name!r} machine started at {mechanism.start!r} does not launch within "
+            f"{solution.problem.duration:.6g} s, so the paper's figures of a launch are not there."
+        )
+    return solution.launch.speed
+
+
+def _best_release(solution: Solution) -> float:
+    """Range-optimal, in vacuum [s]."""
+    projectile = Projectile(solution, PROJECTILE)
+    until = min(projectile.sweep()[1], solution.problem.duration)
+    best = projectile.best_release(Surroundings(gravity=solution.problem.mechanism.gravity), until)
+    if best is None:
+        raise InputError(f"the {solution.problem.mechanism.name!r} machine's throw never comes back to y = 0.")
+    return best.time
+
+
+def _rightmost(solution: Solution) -> float:
+    """Largest x of the counterweight up to the launch [m]: where it turns back."""
+    kinematics, launch = solution.equations.kinematics, solution.launch
+    assert launch is not None  # its speed was asked for
+    marker = next(m for m in solution.problem.mechanism.markers if m.name == COUNTERWEIGHT)
+    row = kinematics.point(marker.body, marker.point)
+
+    def x(t: FloatArray) -> FloatArray:
+        return kinematics.position(row, solution.motion(t).q)[:, 0]
+
+    def rate(t: float) -> float:
+        motion = solution.motion(np.array([t]))
+        return float(kinematics.velocity(row, motion.q, motion.u)[0, 0])
+
+    times = np.linspace(0.0, launch.time, _SAMPLES)
+    places = x(times)
+    i = int(np.argmax(places))
+    if not 0 < i < _SAMPLES - 1:
+        return float(places[i])
+    turn = brentq(rate, float(times[i - 1]), float(times[i + 1]), xtol=1e-12)
+    return float(x(np.array([turn]))[0])

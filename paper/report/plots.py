@@ -1,0 +1,100 @@
+"""The paper's figures as plots, from their data alone."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from ...comparisons.report.plots import ENGINE_COLOURS, finish
+from ..results import Series
+
+_OURS, _PLUG_IN = "#444444", "#17becf"
+_PRINTED, _GRID, _OTHER = "#c0392b", "#9467bd", "#b08d57"
+_SYMBOLS = ("circle-open", "square-open", "diamond-open", "triangle-up-open", "star-open")
+_MACHINES = {"a": "fixed", "b": "rolling"}
+
+CAPTIONS = {
+    "Fig. 2": "Multiplier of the hanger's constraint against time, fixed machine, in the paper's sign.",
+    "Fig. 3": "Multiplier of the sling's constraint against time, fixed machine, in the paper's sign. The kink is the "
+    "hanger's release.",
+    "Fig. 4": "Range against the time of release, without drag, and the paper's best release.",
+    "Fig. 5": "Launch speed at 45 deg against l1, l1 + l2 kept, under two laws of a rest, and the paper's numbers.",
+    "Fig. 6": "Path of the counterweight up to the launch.",
+    "Fig. 7": "Kinetic energy of the projectile over the total energy against the time of launch; thin lines: the "
+    "velocity is at 45 deg.",
+}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One of the paper's figures."""
+
+    name: str
+    caption: str
+    plot: go.Figure
+
+
+def pictures(series: Sequence[Series]) -> list[Picture]:
+    """All figures there are series of, in the paper's order."""
+    names = sorted({_figure(each) for each in series})
+    return [
+        Picture(name, CAPTIONS.get(name, ""), _plot([each for each in series if _figure(each) == name]))
+        for name in names
+    ]
+
+
+def _figure(series: Series) -> str:
+    """'Fig. 6' of 'Fig. 6a'."""
+    return re.sub(r"[a-z]$", "", series.figure)
+
+
+def _plot(series: Sequence[Series]) -> go.Figure:
+    panels = sorted({each.figure for each in series})
+    titles = [f"({panel[-1]}) {_MACHINES.get(panel[-1], '')}" for panel in panels] if len(panels) > 1 else None
+    figure = make_subplots(rows=1, cols=len(panels), subplot_titles=titles, shared_yaxes=len(panels) > 1)
+    shown: set[str] = set()
+    for each in series:
+        column = panels.index(each.figure) + 1
+        figure.add_scatter(
+            x=each.x,
+            y=each.y,
+            name=each.name,
+            legendgroup=each.name,
+            showlegend=each.name not in shown,
+            row=1,
+            col=column,
+            **_style(each),
+        )
+        shown.add(each.name)
+        figure.update_xaxes(title=each.x_label, row=1, col=column)
+    figure.update_yaxes(title=series[0].y_label, col=1)
+    if (series[0].x_label, series[0].y_label) == ("x [m]", "y [m]"):  # paths: a metre is a metre
+        for column in range(1, len(panels) + 1):
+            axis = "" if column == 1 else str(column)
+            figure.update_yaxes(scaleanchor=f"x{axis}", constrain="domain", row=1, col=column)
+        figure.update_xaxes(matches="x", constrain="domain")
+        return finish(figure, 760, -0.1)
+    return finish(figure, 460, -0.2)
+
+
+def _style(series: Series) -> dict[str, Any]:
+    if series.kind == "printed":
+        line = len(set(series.x)) == 1 and len(series.x) > 1
+        mark = {"color": _PRINTED, "symbol": "x", "size": 11, "line": {"width": 2}}
+        return (
+            {"mode": "lines", "line": {"color": _PRINTED, "dash": "dash"}}
+            if line
+            else {"mode": "markers", "marker": mark}
+        )
+    if series.kind == "points":
+        colour = ENGINE_COLOURS.get(series.engine, _PLUG_IN) if series.engine else _GRID
+        number = sum(map(ord, series.name)) % len(_SYMBOLS)
+        return {"mode": "markers", "marker": {"color": colour, "symbol": _SYMBOLS[number], "size": 9}}
+    if series.name == "reference" or series.name.startswith("rests that can"):
+        return {"mode": "lines", "line": {"color": _OURS, "width": 2.5}}
+    return {"mode": "lines", "line": {"color": _OTHER, "width": 1.5, "dash": "dot"}}

@@ -1,0 +1,241 @@
+"""How far each of the reference's figures is known: the published certificates, and what follows from them.
+
+A certificate is committed for each named machine (`certificates/`, made by `trebucheck certify`); for any other an
+estimate costs one more, coarser, integration. Both say which tolerances the reference can judge at all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from functools import cache
+from importlib.resources import files
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from ...models.arrays import FloatArray
+from ...models.mechanism import Mechanism
+from ...models.problem import Problem
+from ...models.spec import NonNegative, Real, Spec
+from ...models.trajectory import Trajectory
+from ..solution import Solution
+from ..solver import solve
+
+FORMAT = "trebucheck-certificate-1"
+SCHEMA = "certificate.schema.json"
+REFUSED_BELOW = 10.0
+"""A tolerance finer than this many times the reference's uncertainty is refused: the verdict would be a tenth, or
+more, the reference's own error."""
+
+_COARSE = 1e-12  # tolerance of the estimate's second integration: some thirty times the reference's own
+_SAMPLES = 60
+_SAFETY = 4.0
+_PROJECTILE = "projectile"
+_ROUNDING = 64 * float(np.finfo(np.float64).eps)  # of the sums behind a figure, relative to the largest of its kind
+
+
+class Computation(Spec):
+    """One way the figures were computed."""
+
+    name: str
+    formulation: str
+    integrator: str
+    tolerance: Real | None = Field(
+        default=None, description="local error bound of the integrator; None: to the last digit"
+    )
+    independent: bool = Field(description="whether it is the tightest of its kind, or a coarser rung of its ladder")
+
+
+class Figure(Spec):
+    """One figure: best value, uncertainty, and what each computation found."""
+
+    name: str
+    subject: str | None = Field(default=None, description="stop, coordinate or marker it is about")
+    at: str = Field(description="the instant or event it belongs to")
+    time: Real | None = Field(default=None, description="the instant where it is a fixed one [s]")
+    unit: str
+    value: Real
+    uncertainty: NonNegative
+    values: dict[str, Real] = Field(description="by name of computation")
+
+    @property
+    def label(self) -> str:
+        """Name, subject and instant in one."""
+        subject = "" if self.subject is None else f" ({self.subject})"
+        return f"{self.name}{subject}, {self.at}" if self.at else f"{self.name}{subject}"
+
+    @property
+    def texts(self) -> tuple[str, str]:
+        """Value and uncertainty as printed: two digits of the uncertainty, and the value to the same place."""
+        if self.uncertainty == 0:
+            return repr(self.value), "0"
+        place = 1 - math.floor(math.log10(self.uncertainty))
+        return f"{self.value:.{max(place, 0)}f}", f"{self.uncertainty:.1e}"
+
+
+class Certificate(Spec):
+    """All figures of one machine."""
+
+    format: Literal["trebucheck-certificate-1"] = FORMAT
+    model: str
+    mechanism_hash: str
+    command: str = Field(description="what makes this file again")
+    rule: str = Field(description="how uncertainties follow from the computations")
+    versions: dict[str, str]
+    computations: tuple[Computation, ...]
+    absent: tuple[str, ...] = Field(default=(), description="computations that could not be made here, and why")
+    figures: tuple[Figure, ...]
+
+    def figure(self, name: str, subject: str | None = None, at: str | None = None) -> Figure | None:
+        """The first figure of that name (and subject, and instant); None if there is none."""
+        for figure in self.figures:
+            if figure.name == name and subject in (None, figure.subject) and at in (None, figure.at):
+                return figure
+        return None
+
+
+class Uncertainties(Spec):
+    """Uncertainty of the reference, by the metric it enters.
+
+    Keys are a metric's name, or 'name (subject)'; the bare name holds the largest of its subjects.
+    """
+
+    source: str = Field(description="'certificate', or 'estimate'")
+    values: dict[str, NonNegative]
+
+    def of(self, metric: str, subject: str | None = None) -> float | None:
+        """In the metric's unit; None where nothing is known."""
+        return self.values.get(f"{metric} ({subject})", self.values.get(metric))
+
+
+@cache
+def committed_certificates() -> dict[str, Certificate]:
+    """The package's certificates, by hash of their mechanism."""
+    found: dict[str, Certificate] = {}
+    folder = files(__name__.rpartition(".")[0]) / "certificates"
+    for entry in folder.iterdir() if folder.is_dir() else ():
+        if entry.name.endswith(".json") and entry.name != SCHEMA:
+            certificate = Certificate.from_json(entry.read_bytes())
+            found[certificate.mechanism_hash] = certificate
+    return found
+
+
+def load_certificate(mechanism: Mechanism) -> Certificate | None:
+    """The committed certificate of exactly this mechanism, by its content; None if there is none."""
+    return committed_certificates().get(mechanism.content_hash)
+
+
+def reference_uncertainty(solution: Solution, end: float | None = None) -> Uncertainties:
+    """What is known of the reference's error: from the certificate if there is one, else estimated.
+
+    Args:
+        end: end of the compared motion [s]; a certificate speaks for times up to the launch only.
+    """
+    certificate = load_certificate(solution.problem.mechanism)
+    launch = solution.launch
+    covered = launch is not None and (end is None or end <= launch.time * (1 + 1e-9))
+    return certified(certificate) if certificate and covered else estimate_uncertainty(solution, end)
+
+
+def certified(certificate: Certificate) -> Uncertainties:
+    """A certificate's uncertainties by metric: the largest over the instants certified."""
+    found: dict[str, float] = defaultdict(float)
+    for figure in certificate.figures:
+        metric = _METRICS.get(figure.name)
+        if metric is None:
+            continue
+        relative = abs(figure.value) if figure.name == "total_energy" else 1.0
+        value = figure.uncertainty / relative if relative else 0.0
+        # x and y together: their uncertainties add at most as a sum does.
+        value *= math.sqrt(2) if metric == "position_max" else 1.0
+        # Of positions the projectile's are certified; it hangs on all the rest, so they stand for every marker's.
+        keys = (metric,) if metric == "position_max" else (metric, f"{metric} ({figure.subject})")
+        for key in keys:
+            found[key] = max(found[key], value)
+    return Uncertainties(source="certificate", values=dict(found))
+
+
+_METRICS = {
+    "release_time": "release_time",
+    "launch_time": "launch_time",
+    "launch_speed": "launch_speed",
+    "stop_torque": "stop_torque_max",
+    "position_x": "position_max",
+    "position_y": "position_max",
+    "total_energy": "energy_drift",
+}
+
+
+def estimate_uncertainty(solution: Solution, end: float | None = None) -> Uncertainties:
+    """An estimate for any machine, at the cost of one more integration with a coarser tolerance.
+
+    The difference of the two is about the error of the *coarser*, thirty times looser in tolerance, and so well above
+    that of the finer unless they agree by chance. Against that: four times the difference, for a time the largest of
+    all events, for a speed the largest along the motion, and sixty-four roundings of the largest value of the kind.
+
+    Args:
+        solution: the reference's own.
+        end: end of the compared motion [s]; the launch, or the solution's end, if left out.
+    """
+    problem, launch = solution.problem, solution.launch
+    end = end if end is not None else (launch.time if launch else problem.duration)
+    margin = min(problem.duration, end + 0.02)  # so that the coarser one's launch lies inside, too
+    other = solve(Problem(problem.mechanism, duration=margin, stop_law=problem.stop_law), _COARSE, _COARSE)
+    t = np.linspace(0.0, min(end, margin), _SAMPLES)
+    fine, coarse = solution.trajectory(t), other.trajectory(t)
+    found = _along(fine, coarse) | _events(solution, other, end)
+    if launch is not None:
+        speed = np.linalg.norm(fine.marker(_PROJECTILE).velocity, axis=1)
+        _enter(found, "launch_speed", None, speed, np.linalg.norm(coarse.marker(_PROJECTILE).velocity, axis=1))
+    return Uncertainties(source="estimate", values=found)
+
+
+def _along(fine: Trajectory, coarse: Trajectory) -> dict[str, float]:
+    """Positions, torques and energy at the same times."""
+    found: dict[str, float] = {}
+    for name, motion in fine.markers.items():
+        _enter(found, "position_max", name, motion.position, coarse.marker(name).position)
+    for name, torque in fine.stop_torques.items():
+        _enter(found, "stop_torque_max", name, torque, coarse.stop_torque(name))
+    start = abs(float(fine.total_energy[0]))
+    if start > 0:
+        size = float((np.abs(fine.kinetic_energy) + np.abs(fine.potential_energy)).max())
+        # An energy is compared with that of the start, a closed form: only rounding is in it.
+        found["energy_drift"] = float(np.finfo(np.float64).eps) * size / start
+    return found
+
+
+def _enter(found: dict[str, float], metric: str, subject: str | None, fine: FloatArray, coarse: FloatArray) -> None:
+    value = float(_SAFETY * np.abs(fine - coarse).max() + _ROUNDING * np.abs(fine).max())
+    if subject is not None:
+        found[f"{metric} ({subject})"] = value
+    found[metric] = max(found.get(metric, 0.0), value)
+
+
+def _events(fine: Solution, coarse: Solution, end: float) -> dict[str, float]:
+    """Releases and the launch: one uncertainty for all of them."""
+    pairs = [(time, coarse.release_times[name]) for name, time in fine.release_times.items()]
+    if fine.launch is not None and coarse.launch is not None:
+        pairs.append((fine.launch.time, coarse.launch.time))
+    apart = [abs(a - b) for a, b in pairs if a is not None and b is not None and a <= end]
+    if not apart:
+        return {}
+    value = _SAFETY * max(apart) + _ROUNDING * end
+    return dict.fromkeys(("release_time", "launch_time"), value)
+
+
+def refusal(metric: str, subject: str | None, tolerance: float, uncertainty: float | None) -> str | None:
+    """Why a tolerance cannot be judged against this reference; None where it can.
+
+    Args:
+        tolerance, uncertainty: in the metric's unit; an unknown uncertainty (None) refuses nothing.
+    """
+    if uncertainty is None or tolerance >= REFUSED_BELOW * uncertainty:
+        return None
+    label = metric if subject is None else f"{metric} ({subject})"
+    return (
+        f"the tolerance {tolerance:.2g} of {label} is finer than {REFUSED_BELOW:g} times the reference's own "
+        f"uncertainty, {uncertainty:.2g}: it cannot be judged"
+    )

@@ -1,0 +1,344 @@
+"""Certification: the same figures from independent computations, and what their scatter says.
+
+The uncertainty of a figure is
+
+    3 max_i |v_i - v|  +  3 max_k |v_k - v| (tol / tol_k)^(7/8)  +  16 eps max |v|,
+
+with v the value: that of the extended-precision Taylor integrator where it is there, else the median of the v_i;
+v_i the independent computations at their tightest, tol; v_k all coarser rungs of the ladders of tolerances. The first
+term is what formulations and integrators differ by. The second is what the tolerance may still move, extrapolated
+from every rung (two formulations with the same coordinates take the same steps, and share their truncation) and
+taken as the largest over all figures of the kind: how large the error of an interpolant is at one instant is chance.
+Both are tripled, as a handful of values does not show the largest error there is. The third is rounding, a random walk
+over some 250 steps, of the largest figure of the kind. It is the uncertainty of *any* of the computations, the
+double-precision reference of the suite among them, not only of the best one.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import platform
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...models.arrays import FloatArray
+from ...models.errors import InputError
+from ...models.launch import Launch
+from ...models.machines.parameters import TrebuchetParameters
+from ...models.machines.registry import model
+from ...models.mechanism import Mechanism
+from ...models.problem import Problem
+from ..solution import Solution
+from ..solver import solve
+from .certificate import Certificate, Computation, Figure
+from .quantities import BEYOND_LAUNCH, Key, Motion, Plan, PointState, figures, plan
+from .redundant import solve_redundant
+
+if TYPE_CHECKING:
+    from ..taylor.solve import Precision
+
+LADDER = (1e-10, 1e-11, 1e-12, 1e-13, 3e-14)
+BEST = "taylor, extended"
+RULE = (
+    "3 max_i |v_i - v| + 3 max_k |v_k - v| (tol / tol_k)^(7/8) + 16 eps max |v|; v: extended Taylor, else the median "
+    "of the independent v_i; v_k: coarser rungs; the last two terms the largest over all figures of the kind"
+)
+PAPER_MACHINES = ("fixed", "rolling")
+_SEARCH = (4.0, 10.0)  # [s] the launch is looked for up to these
+_MARGIN = 0.02  # [s] past the last instant that is read
+_SAFETY = 3.0
+_ORDER = 7 / 8  # DOP853: error per step ~ h^8 held at the tolerance, so the whole ~ h^7 goes with tolerance^(7/8)
+_ROUNDINGS = 16  # a random walk over some 250 steps
+_EPS = float(np.finfo(np.float64).eps)
+
+Values = dict[Key, float]
+Progress = Callable[[str, int, int], None]
+"""Called before each computation with its name, the number done and the number of all."""
+
+
+class MinimalMotion:
+    """The suite's own reference, read figure by figure (:class:`.quantities.Motion`)."""
+
+    def __init__(self, solution: Solution) -> None:
+        self.solution = solution
+        self.kinematics = solution.equations.kinematics
+
+    @property
+    def release_times(self) -> Mapping[str, float | None]:
+        """When each stop opened [s]."""
+        return self.solution.release_times
+
+    @property
+    def launch(self) -> Launch | None:
+        """The launch at 45 degrees."""
+        return self.solution.launch
+
+    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
+        """Q and u."""
+        motion = self.solution.motion(np.array([t]))
+        return motion.q[0], motion.u[0]
+
+    def marker(self, name: str, t: float) -> PointState:
+        """Position, velocity and acceleration of a marker, each (2,)."""
+        found = next(marker for marker in self.solution.problem.mechanism.markers if marker.name == name)
+        row = self.kinematics.point(found.body, found.point)
+        motion = self.solution.motion(np.array([t]))
+        q, u, a = motion.q[0], motion.u[0], motion.a[0]
+        k = self.kinematics
+        return k.position(row, q), k.velocity(row, q, u), k.acceleration(row, q, u, a)
+
+    def stop_torques(self, t: float) -> Mapping[str, float]:
+        """Torque of every stop [N m]."""
+        torques = self.solution.motion(np.array([t])).stop_torques
+        return {name: float(torque[0]) for name, torque in torques.items()}
+
+    def energy(self, t: float) -> float:
+        """Total energy [J]."""
+        q, u = self.state(t)
+        return float(self.kinematics.kinetic_energy(q, u) + self.kinematics.potential_energy(q))
+
+
+@dataclass(frozen=True)
+class _Task:
+    """A computation to be made."""
+
+    computation: Computation
+    compute: Callable[[], Values]
+    optional: bool = False
+    """Whether a certificate can do without it."""
+
+
+def certify(
+    mechanism: Mechanism,
+    parameters: TrebuchetParameters | None = None,
+    *,
+    command: str = "",
+    ladder: Sequence[float] = LADDER,
+    progress: Progress | None = None,
+) -> Certificate:
+    """Compute a machine's figures in every independent way there is, and their uncertainties.
+
+    Args:
+        mechanism: any, moved under the release-once law.
+        parameters: those it was built from, if it is a named machine: the paper's own equations are then solved,
+            too. Left out, Table I is tried.
+        command: what made this certificate, to be written into it.
+        ladder: tolerances of DOP853, the tightest last.
+
+    Raises:
+        InputError: the ladder has fewer than two rungs or is not falling.
+        SimulationError: a computation failed.
+    """
+    if len(ladder) < 2 or list(ladder) != sorted(ladder, reverse=True):
+        raise InputError(f"ladder = {list(ladder)!r} must hold at least two falling tolerances.")
+    problem, wanted = _problem(mechanism)
+    tasks, absent = _tasks(problem, wanted, parameters, ladder)
+    found: dict[str, Values] = {}
+    for done, task in enumerate(tasks):
+        if progress:
+            progress(task.computation.name, done, len(tasks))
+        _make(task, found, absent)
+    computations = tuple(task.computation for task in tasks if task.computation.name in found)
+    return Certificate(
+        model=mechanism.name,
+        mechanism_hash=mechanism.content_hash,
+        command=command or f"trebucheck certify --models {mechanism.name}",
+        rule=RULE,
+        versions=_versions(),
+        computations=computations,
+        absent=tuple(absent),
+        figures=tuple(_judged(found, computations)),
+    )
+
+
+def _make(task: _Task, found: dict[str, Values], absent: list[str]) -> None:
+    try:
+        found[task.computation.name] = task.compute()
+    except Exception as error:  # an optional library may raise anything; the certificate says so and goes on
+        if not task.optional:
+            raise
+        absent.append(f"{task.computation.name}: failed with {type(error).__name__}: {error}")
+
+
+def judge(
+    found: Mapping[Key, Mapping[str, float]], computations: Sequence[Computation]
+) -> dict[Key, tuple[float, float]]:
+    """The module's rule: value and uncertainty of every figure that two independent computations have.
+
+    Args:
+        found: figures, each by name of computation.
+        computations: those that count, independent ones and rungs.
+    """
+    independent = [c.name for c in computations if c.independent]
+    rungs = [c for c in computations if not c.independent]
+    tightest = min((c.tolerance for c in computations if c.tolerance), default=0.0)
+    kept = {key: values for key, values in found.items() if len(values.keys() & set(independent)) > 1}
+    best = {key: _best(values, independent) for key, values in kept.items()}
+    moved, scale = defaultdict[tuple[str, str], float](float), defaultdict[tuple[str, str], float](float)
+    for key, values in kept.items():
+        kind = _kind(key)
+        scale[kind] = max(scale[kind], abs(best[key]))
+        for c in rungs:
+            if c.name in values and c.tolerance:
+                expected = abs(values[c.name] - best[key]) * (tightest / c.tolerance) ** _ORDER
+                moved[kind] = max(moved[kind], expected)
+    return {
+        key: (best[key], _uncertainty(key, values, best[key], independent, moved, scale))
+        for key, values in kept.items()
+    }
+
+
+def _best(values: Mapping[str, float], independent: Sequence[str]) -> float:
+    if BEST in values and BEST in independent:
+        return values[BEST]
+    return median(values[name] for name in independent if name in values)
+
+
+def _uncertainty(
+    key: Key,
+    values: Mapping[str, float],
+    best: float,
+    independent: Sequence[str],
+    moved: Mapping[tuple[str, str], float],
+    scale: Mapping[tuple[str, str], float],
+) -> float:
+    apart = max(abs(values[name] - best) for name in independent if name in values)
+    return _SAFETY * (apart + moved[_kind(key)]) + _ROUNDINGS * _EPS * scale[_kind(key)]
+
+
+def _kind(key: Key) -> tuple[str, str]:
+    """Figures that are judged alike: x and y of a position are one kind."""
+    return ("position" if key.name.startswith("position") else key.name, key.unit)
+
+
+def _judged(found: Mapping[str, Values], computations: Sequence[Computation]) -> Iterator[Figure]:
+    by_key: dict[Key, dict[str, float]] = defaultdict(dict)
+    for name, values in found.items():
+        for key, value in values.items():
+            by_key[key][name] = value
+    for key, (value, uncertainty) in judge(by_key, computations).items():
+        yield Figure(**key._asdict(), value=value, uncertainty=uncertainty, values=by_key[key])
+
+
+def _problem(mechanism: Mechanism) -> tuple[Problem, Plan]:
+    """To just past the launch; or to the first horizon, for a machine that does not launch."""
+    for horizon in _SEARCH:
+        motion = MinimalMotion(solve(Problem(mechanism, duration=horizon)))
+        if motion.launch is not None:
+            duration = motion.launch.time + BEYOND_LAUNCH + _MARGIN
+            return Problem(mechanism, duration=duration), plan(mechanism, motion, motion.launch.time)
+    motion = MinimalMotion(solve(Problem(mechanism, duration=_SEARCH[0])))
+    return Problem(mechanism, duration=_SEARCH[0]), plan(mechanism, motion, _SEARCH[0])
+
+
+def _tasks(
+    problem: Problem, wanted: Plan, parameters: TrebuchetParameters | None, ladder: Sequence[float]
+) -> tuple[list[_Task], list[str]]:
+    def minimal(tolerance: float) -> Motion:
+        return MinimalMotion(solve(problem, tolerance, tolerance))
+
+    def redundant(tolerance: float) -> Motion:
+        return solve_redundant(problem, tolerance)
+
+    tasks = list(_ladder("minimal", "absolute angles, stops and loops by KKT", minimal, wanted, ladder))
+    tasks += _ladder("redundant", "three coordinates a body, joints and stops by KKT", redundant, wanted, ladder)
+    absent: list[str] = []
+    for more in (_paper_task(problem, wanted, parameters, ladder[-1]), *_taylor_tasks(problem, wanted)):
+        if isinstance(more, _Task):
+            tasks.append(more)
+        else:
+            absent.append(more)
+    return tasks, absent
+
+
+def _ladder(
+    name: str, formulation: str, run: Callable[[float], Motion], wanted: Plan, ladder: Sequence[float]
+) -> Iterator[_Task]:
+    for tolerance in ladder:
+        computation = Computation(
+            name=f"{name}, {tolerance:g}",
+            formulation=formulation,
+            integrator="DOP853 (SciPy)",
+            tolerance=tolerance,
+            independent=tolerance == ladder[-1],
+        )
+        yield _Task(computation, lambda tolerance=tolerance: figures(run(tolerance), wanted))
+
+
+def _paper_task(
+    problem: Problem, wanted: Plan, parameters: TrebuchetParameters | None, tolerance: float
+) -> _Task | str:
+    mechanism = problem.mechanism
+    if importlib.util.find_spec("sympy") is None:
+        return "the paper's equations: SymPy is not installed"
+    chosen = parameters or TrebuchetParameters()
+    if mechanism.name not in PAPER_MACHINES or model(mechanism.name, chosen) != mechanism:
+        return "the paper's equations: not one of its machines"
+    computation = Computation(
+        name=f"paper, {tolerance:g}",
+        formulation="the paper's Lagrangian, Eqs. (1)-(10), by SymPy",
+        integrator="DOP853 (SciPy)",
+        tolerance=tolerance,
+        independent=True,
+    )
+
+    def compute() -> Values:
+        from .paper_motion import solve_paper  # SymPy takes most of a second to import
+
+        return figures(solve_paper(chosen, mechanism.name == "rolling", problem.duration, tolerance), wanted)
+
+    return _Task(computation, compute, optional=True)
+
+
+def _taylor_tasks(problem: Problem, wanted: Plan) -> Iterator[_Task | str]:
+    precisions: dict[Precision, int] = {"double": 64, "extended": 80}
+    for precision, bits in precisions.items():
+        name = f"taylor, {precision}"
+        if importlib.util.find_spec("heyoka") is None:
+            yield f"{name}: heyoka is not installed"
+            continue
+        computation = Computation(
+            name=name,
+            formulation="absolute angles, stops and loops by KKT, as heyoka's expressions",
+            integrator=f"adaptive Taylor series (heyoka), {bits}-bit floats",
+            tolerance=None,
+            independent=True,
+        )
+        yield _Task(computation, partial(_taylor_values, problem, wanted, precision), optional=True)
+
+
+def _taylor_values(problem: Problem, wanted: Plan, precision: Precision) -> Values:
+    from ..taylor.solve import solve_taylor, taylor_figures  # heyoka takes a second to import
+
+    read = figures(MinimalMotion(solve_taylor(problem, precision=precision)), wanted)
+    own = taylor_figures(problem, precision)  # located and evaluated on the series itself, in its own precision
+    direct: dict[tuple[str, str | None, str], Any] = {
+        ("launch_time", None, ""): own.launch_time,
+        ("launch_speed", None, ""): own.launch_speed,
+    }
+    direct |= {("release_time", name, ""): time for name, time in own.release_times.items()}
+    direct |= {("stop_torque", name, "start"): torque for name, torque in own.start_torques.items()}
+    if own.launch_q is not None:
+        names = problem.mechanism.coordinates
+        direct |= {("coordinate", name, "launch"): q for name, q in zip(names, own.launch_q, strict=True)}
+    replaced = {key: direct.get(key[:3]) for key in read}
+    return {key: value if (new := replaced[key]) is None else float(new) for key, value in read.items()}
+
+
+def _versions() -> dict[str, str]:
+    from ...version import __version__
+
+    found = {"trebucheck": __version__, "python": platform.python_version()}
+    for package in ("numpy", "scipy", "heyoka", "sympy"):
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            found[package] = "not installed"
+    return found

@@ -1,0 +1,249 @@
+"""The figures of a motion that a certificate holds, read the same way from every computation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ...models.arrays import FloatArray
+from ...models.launch import Launch
+from ...models.mechanism import Mechanism
+
+PROJECTILE, COUNTERWEIGHT = "projectile", "counterweight"
+GRID = 0.1  # [s] positions are certified at multiples of this
+BEYOND_LAUNCH = 0.1  # [s] the best release and the largest energy ratio are looked for up to here
+_SCAN = 1e-3  # [s] for a maximum, before its derivative's root is found
+
+PointState = tuple[FloatArray, FloatArray, FloatArray]
+"""Position [m], velocity [m/s], acceleration [m/s^2] of a point, each (2,)."""
+
+
+class Motion(Protocol):
+    """What a computation offers; times are single floats [s]."""
+
+    @property
+    def release_times(self) -> Mapping[str, float | None]:
+        """When each stop opened [s]."""
+        ...
+
+    @property
+    def launch(self) -> Launch | None:
+        """The launch at 45 degrees."""
+        ...
+
+    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
+        """Q and u."""
+        ...
+
+    def marker(self, name: str, t: float) -> PointState:
+        """A marker's position, velocity and acceleration."""
+        ...
+
+    def stop_torques(self, t: float) -> Mapping[str, float]:
+        """Torque of every stop [N m]."""
+        ...
+
+    def energy(self, t: float) -> float:
+        """Total energy [J]."""
+        ...
+
+
+class Key(NamedTuple):
+    """What a figure is of."""
+
+    name: str
+    subject: str | None
+    at: str
+    unit: str
+    time: float | None = None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Which figures a machine has: decided once, so that every computation is asked the same."""
+
+    mechanism: Mechanism
+    releases: tuple[str, ...]
+    halfway: Mapping[str, float]
+    """A fixed instant about half way to each release [s]."""
+    grid: tuple[float, ...]
+    launches: bool
+
+
+def plan(mechanism: Mechanism, motion: Motion, end: float) -> Plan:
+    """Figures for a machine whose motion is known well enough to say which there are.
+
+    Args:
+        end: of the certified motion, the launch or the duration [s].
+    """
+    times = {name: time for name, time in motion.release_times.items() if time is not None and time <= end}
+    # Rounded to milliseconds: an instant must be a number that everybody shares.
+    halfway = {name: max(round(time / 2, 3), 1e-3) for name, time in times.items() if time > 4e-3}
+    grid = tuple(round(i * GRID, 1) for i in range(1, int(end / GRID) + 1))
+    return Plan(mechanism, tuple(times), halfway, grid, motion.launch is not None)
+
+
+def figures(motion: Motion, wanted: Plan) -> dict[Key, float]:
+    """All figures of the plan."""
+    parts = [_start, _releases, _torques, _grid]
+    if wanted.launches:
+        parts += [_launch, _rightmost, _best_release, _largest_ratio]
+    found = {key: float(value) for part in parts for key, value in part(motion, wanted)}
+    return {key: value for key, value in found.items() if math.isfinite(value)}
+
+
+_Found = Iterator[tuple[Key, float]]
+
+
+def _start(motion: Motion, wanted: Plan) -> _Found:
+    torques = motion.stop_torques(0.0)
+    for stop in wanted.mechanism.stops:
+        if stop.closed:
+            yield Key("stop_torque", stop.name, "start", stop.force_unit), torques[stop.name]
+    yield Key("total_energy", None, "start", "J"), motion.energy(0.0)
+
+
+def _releases(motion: Motion, wanted: Plan) -> _Found:
+    for name in wanted.releases:
+        time = motion.release_times[name]
+        if time is None:
+            continue
+        yield Key("release_time", name, "", "s"), time
+        yield from _coordinates(motion, wanted, time, f"release of {name}")
+
+
+def _coordinates(motion: Motion, wanted: Plan, time: float, at: str) -> _Found:
+    q, _ = motion.state(time)
+    for i, name in enumerate(wanted.mechanism.coordinates):
+        yield Key("coordinate", name, at, "rad" if i < len(wanted.mechanism.bodies) else "m"), q[i]
+
+
+def _torques(motion: Motion, wanted: Plan) -> _Found:
+    for name, time in wanted.halfway.items():
+        unit = wanted.mechanism.stop(name).force_unit
+        yield Key("stop_torque", name, f"{time:g} s", unit, time), motion.stop_torques(time)[name]
+
+
+def _grid(motion: Motion, wanted: Plan) -> _Found:
+    if PROJECTILE not in {marker.name for marker in wanted.mechanism.markers}:
+        return
+    for time in wanted.grid:
+        yield from _position(motion, PROJECTILE, time, f"{time:g} s", time)
+
+
+def _position(motion: Motion, name: str, time: float, at: str, instant: float | None = None) -> _Found:
+    x, y = motion.marker(name, time)[0]
+    yield Key("position_x", name, at, "m", instant), x
+    yield Key("position_y", name, at, "m", instant), y
+
+
+def _launch(motion: Motion, wanted: Plan) -> _Found:
+    launch = motion.launch
+    if launch is None:
+        return
+    yield Key("launch_time", None, "", "s"), launch.time
+    yield Key("launch_speed", None, "", "m/s"), launch.speed
+    yield from _coordinates(motion, wanted, launch.time, "launch")
+    yield from _position(motion, PROJECTILE, launch.time, "launch")
+    yield Key("range", None, "launch", "m"), vacuum_range(motion, wanted.mechanism.gravity, launch.time)
+    yield Key("energy_ratio", None, "launch", "1"), _energy_ratio(motion, wanted.mechanism)(launch.time)
+
+
+def _rightmost(motion: Motion, wanted: Plan) -> _Found:
+    launch = motion.launch
+    if launch is None or COUNTERWEIGHT not in {marker.name for marker in wanted.mechanism.markers}:
+        return
+    yield Key("position_x", COUNTERWEIGHT, "start", "m"), motion.marker(COUNTERWEIGHT, 0.0)[0][0]
+    time = _maximum(
+        lambda t: float(motion.marker(COUNTERWEIGHT, t)[0][0]),
+        lambda t: float(motion.marker(COUNTERWEIGHT, t)[1][0]),
+        0.0,
+        launch.time,
+        0.01,
+    )
+    if time is not None:
+        yield Key("position_x_max", COUNTERWEIGHT, "before launch", "m"), motion.marker(COUNTERWEIGHT, time)[0][0]
+
+
+def _best_release(motion: Motion, wanted: Plan) -> _Found:
+    """The release with the longest flight without air, near the launch."""
+    launch, g = motion.launch, wanted.mechanism.gravity
+    if launch is None or g == 0:
+        return
+    time = _near(motion, launch, lambda t: vacuum_range(motion, g, t), lambda t: _range_rate(motion, g, t))
+    if time is not None:
+        _, velocity, _ = motion.marker(PROJECTILE, time)
+        yield Key("best_release_time", None, "longest range", "s"), time
+        yield Key("best_release_angle", None, "longest range", "rad"), math.atan2(velocity[1], velocity[0])
+        yield Key("best_release_speed", None, "longest range", "m/s"), math.hypot(*velocity)
+        yield Key("best_range", None, "longest range", "m"), vacuum_range(motion, g, time)
+
+
+def _largest_ratio(motion: Motion, wanted: Plan) -> _Found:
+    launch = motion.launch
+    if launch is None or not motion.energy(0.0):
+        return
+    ratio = _energy_ratio(motion, wanted.mechanism)
+    time = _near(motion, launch, lambda t: _speed_rate(motion, t)[0], lambda t: _speed_rate(motion, t)[1])
+    if time is not None:
+        yield Key("largest_ratio_time", None, "fastest", "s"), time
+        yield Key("largest_ratio", None, "fastest", "1"), ratio(time)
+
+
+def _near(
+    motion: Motion, launch: Launch, value: Callable[[float], float], rate: Callable[[float], float]
+) -> float | None:
+    opened = [time for time in motion.release_times.values() if time is not None and time < launch.time]
+    before = max(max(opened, default=0.0), launch.time - BEYOND_LAUNCH)
+    return _maximum(value, rate, before, launch.time + BEYOND_LAUNCH, _SCAN)
+
+
+def _maximum(
+    value: Callable[[float], float], rate: Callable[[float], float], start: float, end: float, step: float
+) -> float | None:
+    """Where a smooth function is largest [s], by the root of its derivative; None at an end of the interval."""
+    times = np.linspace(start, end, max(3, math.ceil((end - start) / step) + 1))
+    best = int(np.argmax([value(float(t)) for t in times]))
+    if best in (0, len(times) - 1):
+        return None
+    before, after = float(times[best - 1]), float(times[best + 1])
+    if not rate(before) > 0 > rate(after):
+        return None
+    return float(brentq(rate, before, after, xtol=1e-15, rtol=1e-15))
+
+
+def vacuum_range(motion: Motion, gravity: float, t: float) -> float:
+    """Where a projectile let go at t comes back to y = 0 [m], from the world's origin; NaN where it never does."""
+    (x, y), (vx, vy), _ = motion.marker(PROJECTILE, t)
+    return float(x + vx * _flight_time(y, vy, gravity))
+
+
+def _flight_time(y: float, vy: float, gravity: float) -> float:
+    under = vy * vy + 2 * gravity * y
+    return (vy + math.sqrt(under)) / gravity if under >= 0 and gravity > 0 else math.nan
+
+
+def _range_rate(motion: Motion, gravity: float, t: float) -> float:
+    """dR/dt of :func:`vacuum_range`, R = x + vx T, g T = vy + sqrt(vy^2 + 2 g y)."""
+    (_, y), (vx, vy), (ax, ay) = motion.marker(PROJECTILE, t)
+    time = _flight_time(y, vy, gravity)
+    rate = (ay + (vy * ay + gravity * vy) / math.sqrt(vy * vy + 2 * gravity * y)) / gravity
+    return float(vx + ax * time + vx * rate)
+
+
+def _speed_rate(motion: Motion, t: float) -> tuple[float, float]:
+    """Half the squared speed and its derivative."""
+    _, v, a = motion.marker(PROJECTILE, t)
+    return float(v @ v) / 2, float(v @ a)
+
+
+def _energy_ratio(motion: Motion, mechanism: Mechanism) -> Callable[[float], float]:
+    """The paper's R: kinetic energy of the projectile over the total energy at the start."""
+    mass = mechanism.thrown_mass(next(marker for marker in mechanism.markers if marker.name == PROJECTILE))
+    energy = motion.energy(0.0)
+    return lambda t: mass * _speed_rate(motion, t)[0] / energy if mass and energy else math.nan

@@ -1,0 +1,359 @@
+r"""The motion once more, in redundant coordinates: the independent formulation.
+
+Every body has three coordinates of its own, its centre's x and y [m] and its angle [rad, positive clockwise]; joints,
+tree or loop, and closed stops are constraints g(x) = 0 alike, solved in the index-1 form
+
+    M a - G^T lam = Q,      G a = -gamma,      gamma = (dG/dt) v,
+
+(Haug, *Computer Aided Kinematics and Dynamics of Mechanical Systems*, ch. 11). The multipliers *are* the joints'
+forces on their children and the stops' torques. After each step the state is put back on g = 0 and G v = 0 by the
+smallest move in the mass metric (coordinate projection, Eich 1993), so nothing drifts and no Baumgarte term acts.
+
+Nothing here uses :mod:`...models.kinematics`, :mod:`..equations` or :mod:`..solver`: what the two formulations agree on
+is not a shared mistake. Stops follow the release-once law.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from ...models.arrays import FloatArray
+from ...models.errors import UnsupportedProblemError
+from ...models.launch import LAUNCH_ANGLE, Launch
+from ...models.mechanism import GROUND, Body, Mechanism, PinJoint, PointStop, SlotJoint, Stop
+from ...models.problem import Problem, StopLaw
+from ...models.spec import Vector
+from .held import HeldMotion, march
+from .quantities import PointState
+
+_PROJECTIONS = 3  # Newton converges in one from the rounding of a step; the start may need another
+
+
+@dataclass
+class _Anchors:
+    """Points that constraint rows are made of: row r gains direction . (centre + turned offset) of a body."""
+
+    rows: list[int] = field(default_factory=list[int])
+    bodies: list[int] = field(default_factory=list[int])
+    directions: list[Vector] = field(default_factory=list[Vector])
+    offsets: list[Vector] = field(default_factory=list[Vector])
+
+
+class RedundantSystem:
+    """A mechanism with three coordinates a body; states are y = (x, v), shape (6 n_bodies,).
+
+    `x` runs body by body: centre x, centre y, angle. Constraint rows: joints in the mechanism's order (two for a
+    pin, one for a slot), then the held stops.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+        self.n = 3 * len(mechanism.bodies)
+        self._index = {body.name: i for i, body in enumerate(mechanism.bodies)}
+        masses = [(body.mass, body.mass, body.inertia) for body in mechanism.bodies]
+        self._mass = np.diag(np.ravel(masses))
+        self._weight = np.ravel([(0.0, -body.mass * mechanism.gravity, 0.0) for body in mechanism.bodies])
+        self._gather_joints()
+        self._angle_rows = {stop.name: self._angle_row(stop) for stop in mechanism.angle_stops}
+        self.stops = tuple(stop.name for stop in mechanism.stops if stop.closed)
+
+    @property
+    def start(self) -> FloatArray:
+        """State at t = 0, bodies placed from the ground outwards."""
+        mechanism = self.mechanism
+        q = dict(zip(mechanism.coordinates, mechanism.start, strict=True))
+        u = dict(zip(mechanism.coordinates, mechanism.start_speeds or (0.0,) * len(q), strict=True))
+        x, v = np.zeros(self.n), np.zeros(self.n)
+        for joint in mechanism.tree_joints:
+            body, i = mechanism.body(joint.child), 3 * self._index[joint.child]
+            x[i + 2], v[i + 2] = q[body.angle], u[body.angle]
+            place, speed = self._point(x, v, joint.parent, joint.parent_point)
+            if isinstance(joint, SlotJoint) and joint.coordinate is not None:
+                place = place + q[joint.coordinate] * np.array(joint.axis)
+                speed = speed + u[joint.coordinate] * np.array(joint.axis)
+            arm, turn = self._arm(x[i + 2], body, joint.child_point)
+            x[i : i + 2], v[i : i + 2] = place - arm, speed - v[i + 2] * turn
+        return np.concatenate([x, v])
+
+    def rates(self, y: FloatArray, held: tuple[str, ...]) -> FloatArray:
+        """dy/dt under the joints and the held stops."""
+        return np.concatenate([y[self.n :], self._solve(y, held)[: self.n]])
+
+    def torques(self, y: FloatArray, held: tuple[str, ...]) -> FloatArray:
+        """Torques of the held stops [N m], in their order."""
+        return self._solve(y, held)[self.n + len(self._fixed) :]
+
+    def gap_accelerations(self, y: FloatArray, held: tuple[str, ...], of: tuple[str, ...]) -> FloatArray:
+        """Second derivatives of gaps [rad/s^2 or m/s^2] while `held` are held."""
+        x, v, a = y[: self.n], y[self.n :], self._solve(y, held)[: self.n]
+        return np.array([self._stop_row(x, name) @ a - self._inward(x, v, name) for name in of])
+
+    def projected(self, y: FloatArray, held: tuple[str, ...]) -> FloatArray:
+        """The nearest state, in the mass metric, that fulfils constraints and their rates to rounding."""
+        x, v = y[: self.n].copy(), y[self.n :]
+        nothing = np.zeros(self.n)
+        for _ in range(_PROJECTIONS):
+            error = np.concatenate([self.joint_errors(x), [self.gap(x, name) for name in held]])
+            x += self._kkt(self._jacobian(x, held), nothing, -error)[: self.n]
+            if np.abs(error).max(initial=0.0) < 1e-12:
+                break
+        jacobian = self._jacobian(x, held)
+        return np.concatenate([x, v + self._kkt(jacobian, nothing, -jacobian @ v)[: self.n]])
+
+    def joint_errors(self, x: FloatArray) -> FloatArray:
+        """By how much each joint's rows are broken [m]."""
+        arms, _ = self._arms(x)
+        places = x[self._columns] + arms
+        return self._fixed + self._gather @ np.sum(self._directions * places, axis=1)
+
+    def gap(self, x: FloatArray, name: str) -> float:
+        """Gap of a stop [rad, or m for one on a point]."""
+        stop = self.mechanism.stop(name)
+        if isinstance(stop, PointStop):
+            return float(np.dot(stop.normal, self._point(x, x, stop.body, stop.point)[0])) - stop.offset
+        return float(self._angle_rows[name] @ x) - stop.limit
+
+    def coordinates(self, x: FloatArray) -> FloatArray:
+        """The mechanism's own coordinates q, shape (n_q,) [rad or m]."""
+        slides = [self._slide(x, joint) for joint in self.mechanism.slides]
+        return np.concatenate([x[2::3], slides])
+
+    def speeds(self, y: FloatArray) -> FloatArray:
+        """The mechanism's own speeds u, shape (n_q,)."""
+        x, v = y[: self.n], y[self.n :]
+        slides = [
+            float(np.dot(joint.axis, self._point(x, v, joint.child, joint.child_point)[1]))
+            for joint in self.mechanism.slides
+        ]
+        return np.concatenate([v[2::3], slides])
+
+    def point(
+        self, y: FloatArray, a: FloatArray, body: str, point: Vector
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Position [m], velocity [m/s] and acceleration [m/s^2] of a body's point, each (2,)."""
+        x, v, i = y[: self.n], y[self.n :], 3 * self._index[body]
+        place, speed = self._point(x, v, body, point)
+        arm, turn = self._arm(x[i + 2], self.mechanism.body(body), point)
+        return place, speed, a[i : i + 2] + a[i + 2] * turn - v[i + 2] ** 2 * arm
+
+    def energy(self, y: FloatArray) -> float:
+        """Total energy [J], zero of potential at y = 0."""
+        x, v = y[: self.n], y[self.n :]
+        return float(v @ self._mass @ v) / 2 - float(self._weight @ x)
+
+    def reactions(self, y: FloatArray, held: tuple[str, ...]) -> dict[str, FloatArray]:
+        """Force of each joint on its child, world frame [N], (2,): the multipliers themselves."""
+        multipliers = self._solve(y, held)[self.n :]
+        forces: dict[str, FloatArray] = {}
+        row = 0
+        for joint in self.mechanism.joints:
+            if isinstance(joint, PinJoint):
+                forces[joint.name] = multipliers[row : row + 2]
+                row += 2
+            else:
+                forces[joint.name] = multipliers[row] * np.array(_normal(joint))
+                row += 1
+        return forces
+
+    def _gather_joints(self) -> None:
+        anchors, constants = _Anchors(), list[float]()
+        for joint in self.mechanism.joints:
+            directions = [(1.0, 0.0), (0.0, 1.0)] if isinstance(joint, PinJoint) else [_normal(joint)]
+            for direction in directions:
+                constants.append(0.0)
+                self._anchor(anchors, constants, joint.child, joint.child_point, direction)
+                back = (-direction[0], -direction[1])
+                self._anchor(anchors, constants, joint.parent, joint.parent_point, back)
+        self._fixed = np.array(constants)
+        self._rows, bodies = np.array(anchors.rows), np.array(anchors.bodies)
+        self._columns = 3 * bodies[:, None] + np.array([0, 1])
+        self._angles = 3 * bodies + 2
+        self._directions, self._offsets = np.array(anchors.directions), np.array(anchors.offsets)
+        self._gather = np.zeros((len(constants), len(bodies)))
+        self._gather[self._rows, np.arange(len(bodies))] = 1.0
+        self._straight = np.zeros((len(constants), self.n))
+        np.add.at(self._straight, (self._rows[:, None], self._columns), self._directions)
+
+    def _anchor(
+        self, anchors: _Anchors, constants: list[float], body: str, point: Vector, direction: tuple[float, float]
+    ) -> None:
+        if body == GROUND:
+            constants[-1] += direction[0] * point[0] + direction[1] * point[1]
+            return
+        centre = self.mechanism.body(body).centre
+        anchors.rows.append(len(constants) - 1)
+        anchors.bodies.append(self._index[body])
+        anchors.directions.append(direction)
+        anchors.offsets.append((point[0] - centre[0], point[1] - centre[1]))
+
+    def _angle_row(self, stop: Stop) -> FloatArray:
+        row = np.zeros(self.n)
+        for body, sign in ((stop.body, stop.sense), (stop.relative_to, -stop.sense)):
+            if body != GROUND:
+                row[3 * self._index[body] + 2] += sign
+        return row
+
+    def _stop_row(self, x: FloatArray, name: str) -> FloatArray:
+        """Gradient of a stop's gap, shape (3 n_bodies,)."""
+        stop = self.mechanism.stop(name)
+        if not isinstance(stop, PointStop):
+            return self._angle_rows[name]
+        row = np.zeros(self.n)
+        if stop.body != GROUND:
+            i = 3 * self._index[stop.body]
+            _, turn = self._arm(x[i + 2], self.mechanism.body(stop.body), stop.point)
+            row[i : i + 3] = (*stop.normal, np.dot(stop.normal, turn))
+        return row
+
+    def _inward(self, x: FloatArray, v: FloatArray, name: str) -> float:
+        """Minus gamma of a stop: the centripetal acceleration of its point towards where it may be."""
+        stop = self.mechanism.stop(name)
+        if not isinstance(stop, PointStop) or stop.body == GROUND:
+            return 0.0
+        i = 3 * self._index[stop.body]
+        arm, _ = self._arm(x[i + 2], self.mechanism.body(stop.body), stop.point)
+        return float(np.dot(stop.normal, arm) * v[i + 2] ** 2)
+
+    def _arms(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Offsets of the anchors in the world, and their derivatives by the angle, shape (n_anchors, 2)."""
+        c, s = np.cos(x[self._angles]), np.sin(x[self._angles])
+        a, b = self._offsets[:, 0], self._offsets[:, 1]
+        along, up = a * c + b * s, b * c - a * s
+        return np.stack([along, up], axis=1), np.stack([up, -along], axis=1)
+
+    def _arm(self, angle: float, body: Body, point: Vector) -> tuple[FloatArray, FloatArray]:
+        a, b = point[0] - body.centre[0], point[1] - body.centre[1]
+        c, s = np.cos(angle), np.sin(angle)
+        arm = np.array([a * c + b * s, b * c - a * s])
+        return arm, np.array([arm[1], -arm[0]])
+
+    def _point(self, x: FloatArray, v: FloatArray, body: str, point: Vector) -> tuple[FloatArray, FloatArray]:
+        if body == GROUND:
+            return np.array(point), np.zeros(2)
+        i = 3 * self._index[body]
+        arm, turn = self._arm(x[i + 2], self.mechanism.body(body), point)
+        return x[i : i + 2] + arm, v[i : i + 2] + v[i + 2] * turn
+
+    def _slide(self, x: FloatArray, joint: SlotJoint) -> float:
+        place, _ = self._point(x, x, joint.child, joint.child_point)
+        return float(np.dot(joint.axis, place - np.array(joint.parent_point)))
+
+    def _jacobian(self, x: FloatArray, held: tuple[str, ...]) -> FloatArray:
+        _, turns = self._arms(x)
+        joints = self._straight.copy()
+        np.add.at(joints, (self._rows, self._angles), np.sum(self._directions * turns, axis=1))
+        return np.vstack([joints, *(self._stop_row(x, name) for name in held)])
+
+    def _kkt(self, jacobian: FloatArray, forces: FloatArray, right: FloatArray) -> FloatArray:
+        n, m = self.n, len(jacobian)
+        matrix = np.zeros((n + m, n + m))
+        matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = self._mass, -jacobian.T, jacobian
+        return np.asarray(np.linalg.solve(matrix, np.concatenate([forces, right])), dtype=np.float64)
+
+    def _solve(self, y: FloatArray, held: tuple[str, ...]) -> FloatArray:
+        """Accelerations, then multipliers."""
+        x, v = y[: self.n], y[self.n :]
+        arms, _ = self._arms(x)
+        inward = np.sum(self._directions * arms, axis=1) * v[self._angles] ** 2  # minus gamma, anchor by anchor
+        right = np.concatenate([self._gather @ inward, [self._inward(x, v, name) for name in held]])
+        return self._kkt(self._jacobian(x, held), self._weight, right)
+
+
+@dataclass(frozen=True)
+class RedundantMotion:
+    """A motion in redundant coordinates, read in the mechanism's own; times are single floats [s]."""
+
+    system: RedundantSystem
+    held: HeldMotion
+
+    @property
+    def release_times(self) -> Mapping[str, float | None]:
+        """When each stop opened [s]; None if it did not, or was never closed."""
+        stops = self.system.mechanism.stops
+        return {stop.name: self.held.release_times.get(stop.name) for stop in stops}
+
+    def energy(self, t: float) -> float:
+        """Total energy [J], zero of potential at y = 0."""
+        return self.system.energy(self.held.state(t))
+
+    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
+        """Q and u of the mechanism at t, each of shape (n_q,) [rad, m, rad/s, m/s]."""
+        y = self.held.state(t)
+        return self.system.coordinates(y[: self.system.n]), self.system.speeds(y)
+
+    def accelerations(self, t: float) -> FloatArray:
+        """Of the redundant coordinates, shape (3 n_bodies,)."""
+        return self.system.rates(self.held.state(t), self.held.active(t))[self.system.n :]
+
+    def marker(self, name: str, t: float) -> PointState:
+        """Position [m], velocity [m/s] and acceleration [m/s^2] of a marker, each (2,)."""
+        found = next(marker for marker in self.system.mechanism.markers if marker.name == name)
+        return self.system.point(self.held.state(t), self.accelerations(t), found.body, found.point)
+
+    def stop_torques(self, t: float) -> dict[str, float]:
+        """Torque of every stop [N m]; 0 where it is open."""
+        held = self.held.active(t)
+        torques = self.system.torques(self.held.state(t), held)
+        return dict.fromkeys(self.release_times, 0.0) | dict(zip(held, torques.tolist(), strict=True))
+
+    def joint_reactions(self, t: float) -> dict[str, FloatArray]:
+        """Force of each joint on its child, world frame [N], (2,)."""
+        return self.system.reactions(self.held.state(t), self.held.active(t))
+
+    def drift(self, t: float) -> float:
+        """Largest error of a joint [m] or held gap [rad] on the dense output, before any projection."""
+        x = self.held.raw_state(t)[: self.system.n]
+        gaps = [abs(self.system.gap(x, name)) for name in self.held.active(t)]
+        return max([float(np.abs(self.system.joint_errors(x)).max()), *gaps])
+
+    @property
+    def launch(self) -> Launch | None:
+        """First fall of the projectile's velocity to 45 degrees after its body's stops have opened."""
+        return self._launch
+
+    @cached_property
+    def _launch(self) -> Launch | None:
+        mechanism = self.system.mechanism
+        found = next((marker for marker in mechanism.markers if marker.name == "projectile"), None)
+        if found is None:
+            return None
+        opened = [self.release_times[stop.name] for stop in mechanism.stops if stop.body == found.body]
+        after = max((time for time in opened if time is not None), default=0.0)
+        none = np.zeros(self.system.n)
+
+        def velocity(y: FloatArray) -> FloatArray:
+            return self.system.point(y, none, found.body, found.point)[1]
+
+        time = self.held.first_fall(lambda y: _across(velocity(y)), lambda y: velocity(y).sum() > 0, after)
+        if time is None:
+            return None
+        vx, vy = velocity(self.held.state(time)).tolist()
+        return Launch(time, float(np.hypot(vx, vy)), (vx, vy))
+
+
+def _across(velocity: FloatArray) -> float:
+    return float(velocity[1] * np.cos(LAUNCH_ANGLE) - velocity[0] * np.sin(LAUNCH_ANGLE))
+
+
+def _normal(joint: SlotJoint) -> tuple[float, float]:
+    return (-joint.axis[1], joint.axis[0])
+
+
+def solve_redundant(problem: Problem, tolerance: float = 3e-14) -> RedundantMotion:
+    """Integrate a problem in redundant coordinates with SciPy's DOP853.
+
+    Args:
+        tolerance: local error bound of the integrator, relative and absolute.
+
+    Raises:
+        UnsupportedProblemError: the law of the stops is not release-once.
+        SimulationError: the integrator's step size collapsed.
+    """
+    if problem.stop_law is not StopLaw.RELEASE_ONCE:
+        raise UnsupportedProblemError("the redundant formulation follows the release-once law of a stop only.")
+    system = RedundantSystem(problem.mechanism)
+    return RedundantMotion(system, march(system, problem.duration, tolerance))

@@ -1,0 +1,1 @@
+"""One throw: release, flight, forces in the members, and the sensitivities of all of it."""

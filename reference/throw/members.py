@@ -1,0 +1,230 @@
+"""Forces in the members and at the ground: tension, compression, and wheels that would lift off.
+
+A massless rod between a pin and a point mass (the sling, the hanger) is a two-force member: the pin's force on it,
+taken along the rod, is its axial force. A rope in its place would be slack wherever that is a compression.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+from scipy.optimize import brentq, minimize_scalar
+
+from ...models.arrays import FloatArray
+from ...models.errors import InputError
+from ...models.mechanism import GROUND, Body, Mechanism, PinJoint, SlotJoint
+from ...models.spec import Real, Spec
+from ..solution import Solution
+
+_SCAN = 1500  # samples between which a force changes its sign at most once: 2 ms apart on Table I
+_UPRIGHT = 1e-9  # [rad] a slot nearer to upright than this carries nothing: rounding of its axis
+_ROUNDING = 1e-9  # of the largest force: a smaller compression is rounding of a force that is zero
+
+Interval = tuple[Real, Real]
+"""From, to [s]."""
+
+
+class MemberForce(Spec):
+    """Axial force of a body over a motion; tension is positive, compression negative."""
+
+    name: str
+    joint: str = Field(description="the joint whose force is taken along the line from it to the centre of mass")
+    two_force: bool = Field(
+        description="a massless rod with nothing hung on it but at its ends; otherwise the force is its end's only"
+    )
+    peak_tension: Real = Field(description="largest [N]; negative if it is always in compression")
+    peak_tension_time: Real = Field(description="[s]")
+    peak_compression: Real = Field(description="least [N]; positive if it is always in tension")
+    peak_compression_time: Real = Field(description="[s]")
+    compressed: tuple[Interval, ...] = Field(description="when a rope would be slack there [s]")
+
+
+class SupportForce(Spec):
+    """Force of the ground on the machine over a motion."""
+
+    joint: str
+    rolls: bool = Field(description="a slot that carries the machine: wheels without mass that can only push")
+    peak: Real = Field(description="largest magnitude [N]")
+    peak_time: Real = Field(description="[s]")
+    peak_direction: Real = Field(description="of the largest, from +x, above the horizontal [rad]")
+    least: Real | None = Field(
+        description="least upward part (a slot: normal to it) [N]; negative pulls the machine down; None: an upright "
+        "slot, which guides and carries nothing"
+    )
+    least_time: Real | None = Field(description="[s]")
+    pulls_down: tuple[Interval, ...] = Field(description="when wheels would lift off, or a frame must be anchored [s]")
+
+
+@dataclass(frozen=True)
+class Member:
+    """A body whose axial force is asked for."""
+
+    body: Body
+    joint: PinJoint | SlotJoint
+    two_force: bool
+
+
+def members(mechanism: Mechanism) -> tuple[Member, ...]:
+    """Massless rods, and whatever else hangs on another body; a centre on its joint has no axis and is left out."""
+    found: list[Member] = []
+    for body, joint in zip(mechanism.bodies, mechanism.tree_joints, strict=True):
+        if body.centre != joint.child_point and (body.inertia == 0 or joint.parent != GROUND):
+            found.append(Member(body, joint, _is_two_force(mechanism, body, joint)))
+    return tuple(found)
+
+
+def _is_two_force(mechanism: Mechanism, body: Body, own: PinJoint | SlotJoint) -> bool:
+    others = [j.parent_point for j in mechanism.joints if j.parent == body.name]
+    others += [j.child_point for j in mechanism.joints if j.child == body.name and j.name != own.name]
+    return body.inertia == 0 and all(point in (own.child_point, body.centre) for point in others)
+
+
+def axial_force(solution: Solution, member: Member, t: FloatArray) -> FloatArray:
+    """Tension (positive) or compression of a member [N], shape (n,): the pin pulls the rod back to itself."""
+    kinematics, motion = solution.equations.kinematics, solution.motion(t)
+    pin = kinematics.point(member.body.name, member.joint.child_point)
+    centre = kinematics.point(member.body.name, member.body.centre)
+    along = kinematics.position(centre, motion.q) - kinematics.position(pin, motion.q)
+    along /= math.dist(member.joint.child_point, member.body.centre)
+    return -np.sum(solution.joint_reactions(motion)[member.joint.name] * along, axis=1)
+
+
+def member_forces(solution: Solution, until: float) -> tuple[MemberForce, ...]:
+    """Axial forces of all members from the start until a time [s], the release say.
+
+    Raises:
+        InputError: the time lies outside the motion.
+    """
+    times = _times(solution, until)
+    return tuple(_member_force(solution, member, times) for member in members(solution.problem.mechanism))
+
+
+def _member_force(solution: Solution, member: Member, times: FloatArray) -> MemberForce:
+    def tension(t: FloatArray) -> FloatArray:
+        return axial_force(solution, member, t)
+
+    most_time, most = _largest(tension, times)
+    least_time, negative = _largest(lambda t: -tension(t), times)
+    return MemberForce(
+        name=member.body.name,
+        joint=member.joint.name,
+        two_force=member.two_force,
+        peak_tension=most,
+        peak_tension_time=most_time,
+        peak_compression=-negative,
+        peak_compression_time=least_time,
+        compressed=negative_intervals(tension, times),
+    )
+
+
+def supports(mechanism: Mechanism) -> tuple[PinJoint | SlotJoint, ...]:
+    """Joints on the ground."""
+    return tuple(joint for joint in mechanism.joints if joint.parent == GROUND)
+
+
+def carries(joint: PinJoint | SlotJoint) -> bool:
+    """Whether a joint on the ground can bear weight: an upright slot only guides, by whichever of its sides."""
+    return isinstance(joint, PinJoint) or abs(joint.axis[0]) > _UPRIGHT
+
+
+def upward_force(solution: Solution, joint: PinJoint | SlotJoint, t: FloatArray) -> FloatArray:
+    """Of the ground on the machine [N], shape (n,): vertical at a pin, normal to a slot and away from the ground.
+
+    Args:
+        joint: one that :func:`carries`.
+    """
+    up = (0.0, 1.0)
+    if isinstance(joint, SlotJoint):
+        up = (-joint.axis[1], joint.axis[0]) if joint.axis[0] > 0 else (joint.axis[1], -joint.axis[0])
+    return solution.joint_reactions(solution.motion(t))[joint.name] @ np.array(up)
+
+
+def support_forces(solution: Solution, until: float) -> tuple[SupportForce, ...]:
+    """Forces of the ground from the start until a time [s].
+
+    Raises:
+        InputError: the time lies outside the motion.
+    """
+    times = _times(solution, until)
+    return tuple(_support_force(solution, joint, times) for joint in supports(solution.problem.mechanism))
+
+
+def _support_force(solution: Solution, joint: PinJoint | SlotJoint, times: FloatArray) -> SupportForce:
+    def force(t: FloatArray) -> FloatArray:
+        return solution.joint_reactions(solution.motion(t))[joint.name]
+
+    def upward(t: FloatArray) -> FloatArray:
+        return upward_force(solution, joint, t)
+
+    peak_time, peak = _largest(lambda t: np.hypot(*force(t).T), times)
+    x, y = force(np.array([peak_time]))[0]
+    least_time, negative = _largest(lambda t: -upward(t), times) if carries(joint) else (None, None)
+    return SupportForce(
+        joint=joint.name,
+        rolls=isinstance(joint, SlotJoint) and carries(joint),
+        peak=peak,
+        peak_time=peak_time,
+        peak_direction=math.atan2(y, x),
+        least=None if negative is None else -negative,
+        least_time=least_time,
+        pulls_down=negative_intervals(upward, times, peak) if carries(joint) else (),
+    )
+
+
+def _times(solution: Solution, until: float) -> FloatArray:
+    end = solution.segments[-1].end
+    if not 0 <= until <= end:
+        raise InputError(f"until = {until!r} s must lie within the motion, from 0 to {end:.6g} s.")
+    events = [segment.end for segment in solution.segments if segment.end < until]
+    return np.unique(np.concatenate([np.linspace(0.0, until, _SCAN), events]))
+
+
+def _largest(value: Callable[[FloatArray], FloatArray], times: FloatArray) -> tuple[float, float]:
+    """Time and size of the largest value: the largest sample, refined between its neighbours."""
+    samples = value(times)
+    i = int(np.argmax(samples))
+    low, high = float(times[max(i - 1, 0)]), float(times[min(i + 1, len(times) - 1)])
+    if low == high:
+        return float(times[i]), float(samples[i])
+    found: Any = minimize_scalar(
+        lambda t: -float(value(np.array([t]))[0]), bounds=(low, high), method="bounded", options={"xatol": 1e-10}
+    )
+    return max((float(times[i]), float(samples[i])), (float(found.x), -float(found.fun)), key=lambda pair: pair[1])
+
+
+def negative_intervals(
+    value: Callable[[FloatArray], FloatArray], times: FloatArray, size: float = 0.0
+) -> tuple[Interval, ...]:
+    """Intervals in which a value is negative, their ends roots of it [s] (or the first or last time).
+
+    Args:
+        value: continuous but for jumps at impacts, which are located as well.
+        times: samples [s], shape (n,), that no two roots lie between.
+        size: of what the value is a part of, which rounds it; its own largest if that is larger.
+    """
+    samples = value(times)
+    negative = samples < 0
+    deep = -_ROUNDING * float(np.max(np.abs(samples), initial=size))
+    if np.min(samples, initial=0.0) >= deep:
+        return ()  # and no roots are sought in noise
+    if len(samples) > 1 and abs(samples[0]) <= -deep:  # starts from zero: it is what it becomes
+        negative[0] = negative[1]
+    turns = np.flatnonzero(negative[1:] != negative[:-1])
+    roots = [_root(value, float(times[i]), float(times[i + 1])) for i in turns]
+    edges = [float(times[0])] * bool(negative[0]) + roots + [float(times[-1])] * bool(negative[-1])
+    found: list[Interval] = []
+    for start, end in list(pairwise(edges))[::2]:
+        inside = samples[(times >= start) & (times <= end)]
+        if np.min(inside, initial=0.0) < deep:
+            found.append((start, end))
+    return tuple(found)
+
+
+def _root(value: Callable[[FloatArray], FloatArray], low: float, high: float) -> float:
+    return float(brentq(lambda t: float(value(np.array([t]))[0]), low, high, xtol=1e-14, rtol=1e-14))

@@ -1,0 +1,154 @@
+r"""Variational equations: how accelerations and multipliers change with the state and the mechanism's data.
+
+With r = dw/dq and z = a - i s u^2 (so that r z is the second time derivative of the phasors w, and H the matrix of
+:mod:`..equations`) the KKT system reads
+
+    Re(H z) + I a - Q = G^T lam,        Re(L (r z)) = 0  (loops),        G_gap a = 0  (closed stops).
+
+Differentiated along a direction (dq, du, data), with dr = -i s dq r and dz = da - 2 i s u du,
+
+    M da - G^T dlam = dQ - Re(dH z - 2 i H (s u du)) - dI a + dG^T lam
+    G da            = -Re(dL (r z) + L (-i s dq r z - 2 i r s u du)),  0 for gaps, which are linear in q:
+
+the same matrix, a new right-hand side per direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...models.arrays import ComplexArray, FloatArray
+from ...models.errors import InputError, UnsupportedProblemError
+from ...models.mechanism import Mechanism
+from ..equations import Equations
+from .sensitivity_data import DataTangent, Direction, tangent_mechanism
+
+_FITS = 1e-9  # how well a direction must move closed stops and loops along, per unit of the direction's own size
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """Accelerations and multipliers of one state, and their derivatives along m directions."""
+
+    a: FloatArray
+    """[rad/s^2 or m/s^2], shape (n_q,)."""
+    multipliers: FloatArray
+    """[N or N m], shape (n_loops + n_closed,)."""
+    da: FloatArray
+    """Shape (m, n_q)."""
+    d_multipliers: FloatArray
+    """Shape (m, n_loops + n_closed)."""
+
+
+class VariationalEquations(Equations):
+    """The equations of motion and their derivatives along directions of the mechanism's numbers.
+
+    Raises:
+        UnsupportedProblemError: there is a stop on a point, whose gap's derivatives are not written here.
+    """
+
+    def __init__(self, mechanism: Mechanism, directions: Sequence[Direction]) -> None:
+        if mechanism.point_stops:
+            names = ", ".join(stop.name for stop in mechanism.point_stops)
+            raise UnsupportedProblemError(f"sensitivities are derived for stops on angles only, not for {names}.")
+        super().__init__(mechanism)
+        self.tangents = [tangent_mechanism(mechanism, direction) for direction in directions]
+        self._data = DataTangent.along(mechanism, self.tangents)
+
+    @cached_property
+    def _still(self) -> DataTangent:
+        return DataTangent.none(len(self.mechanism.coordinates), self.n_loops)
+
+    def start(self, q: FloatArray, u: FloatArray, closed: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        """Derivatives of the start's q and u, each of shape (m, n_q).
+
+        A change of a start speed is a kick before the start: the part that the closed stops and the joints of loops
+        take up is gone at once (their impulses solve M du+ - G^T P = M du, G du+ + dG u = 0). A kick away from a stop
+        that pushes ends the same way under the unilateral law with e = 0: the stop catches the body again after a time
+        that shrinks with the kick, and to first order in it only impulses along the gaps have acted by then.
+
+        Args:
+            q, u: the start, shape (n_q,).
+            closed: stops that hold from the start on.
+
+        Raises:
+            InputError: a direction would open or penetrate a stop that holds, or tear a loop, at the start.
+        """
+        dq = np.array([tangent.start for tangent in self.tangents])
+        du = np.array([tangent.start_speeds for tangent in self.tangents])
+        self._refuse_misfits(q, dq, closed)
+        jacobian, mass = self.constraint_jacobian(q, closed), self.mass_matrix(q)
+        torn = self._loop_tangent(q, u.astype(np.complex128), dq, self._data)
+        right = np.concatenate([du @ mass, -torn, np.zeros((len(du), len(closed)))], axis=1)
+        after = np.asarray(np.linalg.solve(_kkt(mass, jacobian), right.T).T, dtype=np.float64)
+        return dq, after[:, : len(q)]
+
+    def _refuse_misfits(self, q: FloatArray, dq: FloatArray, closed: Sequence[str]) -> None:
+        for j, tangent in enumerate(self.tangents):
+            limits = {stop.name: stop.limit for stop in tangent.angle_stops}
+            gaps = [self.kinematics.gap_row(name) @ dq[j] - limits[name] for name in closed]
+            moved = self._data.loops[j] @ self.kinematics.phasors(q) + self._data.loop_offsets[j]
+            loops = (moved + self._loops @ (self._rates(q) * dq[j])).real
+            misfit = np.abs(np.concatenate([np.array(gaps), loops])).max(initial=0.0)
+            if misfit > _FITS * max(1.0, float(np.abs(dq[j]).max())):
+                raise InputError(
+                    f"direction {j} moves the start off its closed stops {tuple(closed)} or loops by {misfit:.3g} per "
+                    "unit; a motion is not differentiable there: move the stop's limit (or the joint) along."
+                )
+
+    def _loop_tangent(self, q: FloatArray, v: ComplexArray, dq: FloatArray, data: DataTangent) -> FloatArray:
+        """D Re(L (r v)) at fixed v, shape (m, n_loops)."""
+        moving = self._rates(q) * v
+        return (data.loops @ moving + (-1j * self._angles * dq * moving) @ self._loops.T).real
+
+    def tangent(self, q: FloatArray, u: FloatArray, dq: FloatArray, du: FloatArray, closed: Sequence[str]) -> Tangent:
+        """Along the directions, for a state (n_q,) and its derivatives (m, n_q)."""
+        return self._tangent(q, u, dq, du, closed, self._data)
+
+    def in_time(self, q: FloatArray, u: FloatArray, closed: Sequence[str]) -> Tangent:
+        """Time derivatives along the motion itself: one direction, (u, a) with the data as they are."""
+        a = self.solve(q, u, closed)[0]
+        return self._tangent(q, u, u[None], a[None], closed, self._still)
+
+    def _tangent(
+        self, q: FloatArray, u: FloatArray, dq: FloatArray, du: FloatArray, closed: Sequence[str], data: DataTangent
+    ) -> Tangent:
+        n_q, n_c, n_l = len(q), self.n_loops + len(closed), self.n_loops
+        rates = self._rates(q)
+        quadratic = self._quadratic(rates)
+        weights = rates.conj() * self._weights
+        spin = self._angles * u
+        inverse = np.linalg.inv(_kkt(quadratic.real + self._inertias, self.constraint_jacobian(q, closed)))
+        right = np.zeros(n_q + n_c)
+        right[:n_q] = weights.real - quadratic.imag @ (spin * u)
+        right[n_q : n_q + n_l] = (1j * self._loops @ (rates * spin * u)).real
+        solution = inverse @ right
+        a, multipliers = solution[:n_q], solution[n_q:]
+
+        z = a - 1j * spin * u
+        turn, dz = 1j * self._angles * dq, -2j * spin * du
+        changed = rates.conj() * (data.products @ (rates * z)) + turn * (quadratic @ z)  # dH z, and H dz below
+        changed = changed + (dz - turn * z) @ quadratic.T
+        pull = rates.conj() * data.weights + turn * weights
+        d_right = np.zeros((len(dq), n_q + n_c))
+        d_right[:, :n_q] = (pull - changed).real - data.inertias * a
+        if n_l:
+            loops = multipliers[:n_l]
+            d_right[:, :n_q] += ((loops @ data.loops) * rates - turn * ((loops @ self._loops) * rates)).real
+            moved = self._loop_tangent(q, z, dq, data) + ((dz * rates) @ self._loops.T).real
+            d_right[:, n_q : n_q + n_l] = -moved
+        d_solution = d_right @ inverse.T
+        return Tangent(a, multipliers, d_solution[:, :n_q], d_solution[:, n_q:])
+
+
+def _kkt(mass: FloatArray, jacobian: FloatArray) -> FloatArray:
+    n_q, n_c = len(mass), len(jacobian)
+    kkt = np.zeros((n_q + n_c, n_q + n_c))
+    kkt[:n_q, :n_q] = mass
+    kkt[:n_q, n_q:] = -jacobian.T
+    kkt[n_q:, :n_q] = jacobian
+    return kkt

@@ -1,0 +1,348 @@
+"""One machine, one throw: all the figures a builder wants, collected."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from ...models.errors import InputError
+from ...models.launch import LAUNCH_ANGLE
+from ...models.mechanism import Mechanism, PinJoint, SlotJoint
+from ...models.problem import Problem
+from ...models.spec import NonNegative, Positive, Real, Spec
+from ..solution import Solution
+from ..solver import natural_time, solve
+from .flight import Air, Flight, Surroundings, fly, world
+from .members import Interval, MemberForce, SupportForce, carries, member_forces, support_forces, supports
+from .release import Projectile
+
+FORMAT = "trebucheck-throw-1"
+_SPANS = (3.0, 6.0, 12.0)  # longest motions looked at, in sqrt(reach / gravity); Table I's sweep ends at 2.5
+_THROUGH = -1e-9  # [rad] a gap below this is no rounding
+
+
+class LaunchFigures(Spec):
+    """The projectile as it is let go; places are measured from where the fulcrum stands at the start."""
+
+    time: Real = Field(description="[s]")
+    speed: Real = Field(description="[m/s]")
+    angle: Real = Field(description="of the velocity above the horizontal [rad]")
+    x: Real = Field(description="[m]")
+    y: Real = Field(description="upwards [m]")
+    sling_angle: Real | None = Field(description="from the arm, phi - theta [rad]; None where there is no sling")
+    kinetic_energy: Real | None = Field(description="of the projectile [J]; None where its mass is not its own")
+    energy_ratio: Real | None = Field(description="the paper's R: kinetic over total energy; None without a positive E")
+
+
+class FlightFigures(Spec):
+    """From the release to the landing; places are measured from where the fulcrum stands at the start."""
+
+    range: Real = Field(description="x of the landing [m]")
+    apex_height: Real = Field(description="highest y [m]")
+    time: Real = Field(description="[s]")
+    impact_speed: Real = Field(description="[m/s]")
+    impact_angle: Real = Field(description="of the velocity below the horizontal [rad]")
+
+
+class RestFigures(Spec):
+    """A stop that is closed at the start."""
+
+    name: str
+    start_torque: Real = Field(description="[N m], or the force of a stop on a point [N]")
+    release_time: Real | None = Field(description="when it opens [s]; None if not before the release")
+
+
+class Sensitivity(Spec):
+    """Derivatives of the launch at 45 degrees, flying through vacuum, by one parameter or start value."""
+
+    name: str
+    value: Real = Field(description="of the parameter [its unit]")
+    unit: str
+    launch_time: Real = Field(description="[s per unit]")
+    launch_speed: Real = Field(description="[m/s per unit]")
+    range: Real | None = Field(description="[m per unit]; None where it does not land")
+
+
+class Throw(Spec):
+    """Everything about one throw, in SI units and radians."""
+
+    format: Literal["trebucheck-throw-1"] = FORMAT
+    mechanism: Mechanism
+    released: str = Field(description="how the release was chosen")
+    air: Air
+    gravity: Positive = Field(description="[m/s^2]")
+    height: Real = Field(description="of the landing above the fulcrum at the start [m]")
+    total_energy: Real = Field(description="at the start, zero of potential at y = 0 [J]")
+    launch: LaunchFigures
+    flight: FlightFigures
+    best_launch: LaunchFigures | None = Field(description="the release of the first sweep that flies farthest")
+    best_flight: FlightFigures | None
+    rests: tuple[RestFigures, ...]
+    members: tuple[MemberForce, ...] = Field(description="up to the release")
+    supports: tuple[SupportForce, ...] = Field(description="up to the release")
+    warnings: tuple[str, ...] = ()
+    sensitivities: tuple[Sensitivity, ...] = ()
+
+    @property
+    def gain(self) -> float | None:
+        """What the best release would add to the range [m]."""
+        return None if self.best_flight is None else self.best_flight.range - self.flight.range
+
+
+@dataclass(frozen=True)
+class Performance:
+    """A throw with the continuous motion and flights behind its figures."""
+
+    throw: Throw
+    projectile: Projectile
+    surroundings: Surroundings
+    flight: Flight
+    best: Flight | None
+
+    @property
+    def solution(self) -> Solution:
+        """The machine's motion."""
+        return self.projectile.solution
+
+
+def throw(
+    mechanism: Mechanism,
+    *,
+    release_angle: float | None = None,
+    release_time: float | None = None,
+    sling_angle: float | None = None,
+    best: bool = False,
+    density: NonNegative | None = None,
+    drag_area: NonNegative | None = None,
+    body: str | None = None,
+    height: float = 0.0,
+) -> Throw:
+    """Throw with a machine and collect its figures; the velocity at 45 degrees releases if nothing else is asked.
+
+        >>> import trebucheck as tb
+        >>> from trebucheck.reference.throw.throw import throw
+        >>> round(throw(tb.fixed(), best=True).flight.range, 3)  # [m]
+        1008.259
+
+    Args:
+        mechanism: with a marker "projectile".
+        release_angle: of the velocity above the horizontal [rad].
+        release_time: [s].
+        sling_angle: from the arm, phi - theta [rad].
+        best: release for the longest range.
+        density: of the air [kg/m^3]; with `drag_area`.
+        drag_area: C_d A [m^2]; with `density` or `body`.
+        body: moon, mars, earth or venus: its gravity takes the mechanism's place, its air is met with `drag_area`.
+        height: of the landing above the fulcrum at the start [m].
+
+    Raises:
+        InputError: a value is not valid, two releases are asked for, or the machine never comes to the one asked for.
+        SimulationError: the integrator's step size collapsed.
+    """
+    chosen = {"release_angle": release_angle, "release_time": release_time, "sling_angle": sling_angle}
+    return perform(mechanism, chosen, best=best, density=density, drag_area=drag_area, body=body, height=height).throw
+
+
+def perform(
+    mechanism: Mechanism,
+    release: dict[str, float | None],
+    *,
+    best: bool = False,
+    density: float | None = None,
+    drag_area: float | None = None,
+    body: str | None = None,
+    height: float = 0.0,
+) -> Performance:
+    """As :func:`throw`, with the motion and the flights kept; `release` has its three kinds by name."""
+    asked = _one_release(release, best)
+    placed, air = _placed(mechanism, density, drag_area, body)
+    projectile = _swing(placed, asked.get("release_time"))
+    surroundings = _surroundings(projectile, air, height)
+    farthest = projectile.best_release(surroundings)
+    if "best" in asked:
+        if farthest is None:
+            raise InputError(f"no release of the first sweep comes up to the landing height = {height!r} m.")
+        let_go, words = farthest, "for the longest range"
+    elif "release_time" in asked:
+        let_go, words = projectile.release_at(asked["release_time"]), f"at {asked['release_time']:.9g} s"
+    elif "sling_angle" in asked:
+        degrees = math.degrees(asked["sling_angle"])
+        let_go, words = projectile.release_at_sling_angle(asked["sling_angle"]), f"sling at {degrees:.6g} deg to arm"
+    else:
+        angle = asked.get("release_angle", LAUNCH_ANGLE)
+        let_go, words = projectile.release_at_angle(angle), f"velocity at {math.degrees(angle):.6g} deg"
+    flight = fly(let_go, surroundings)
+    best_flight = None if farthest is None else fly(farthest, surroundings)
+    figures = _figures(projectile, air, height, words, flight, best_flight)
+    return Performance(figures, projectile, surroundings, flight, best_flight)
+
+
+def _one_release(release: dict[str, float | None], best: bool) -> dict[str, float]:
+    asked = {name: value for name, value in release.items() if value is not None}
+    for name, value in asked.items():
+        if not math.isfinite(value) or (name == "release_angle" and abs(value) > math.pi):
+            what = f"{value!r} s" if name == "release_time" else f"{math.degrees(value):.6g} deg"
+            raise InputError(f"{name} = {what} must be finite{', within half a turn' * (name == 'release_angle')}.")
+    if best:
+        asked["best"] = math.nan
+    if len(asked) > 1:
+        raise InputError(f"{' and '.join(asked)} each choose the release; only one of them can.")
+    return asked
+
+
+def _placed(
+    mechanism: Mechanism, density: float | None, drag_area: float | None, body: str | None
+) -> tuple[Mechanism, Air]:
+    """The mechanism under the gravity of its place, and the air there."""
+    if body is not None:
+        if density is not None:
+            raise InputError(f"body = {body!r} brings its own density; leave out density = {density!r}, or the body.")
+        place = world(body)
+        there = mechanism.model_copy(update={"gravity": place.gravity})
+        return there, Air(density=place.density if drag_area is not None else 0.0, drag_area=drag_area or 0.0)
+    given = {"density": density, "drag_area": drag_area}
+    air = Air(**{name: value for name, value in given.items() if value is not None})
+    if (density is None) != (drag_area is None):
+        have, lacks = ("density", "drag_area") if drag_area is None else ("drag_area", "density (or a body)")
+        raise InputError(f"{have} = {given[have]!r} needs a {lacks} as well: drag is 1/2 rho C_d A v^2.")
+    return mechanism, air
+
+
+def _swing(mechanism: Mechanism, release_time: float | None) -> Projectile:
+    """Solved until the projectile's first sweep is over and the release time is past, if they come soon enough."""
+    scale = natural_time(mechanism)
+    projectile = _moved(mechanism, _SPANS[0] * scale)
+    for spans in _SPANS[1:]:
+        if projectile.sweep()[1] < projectile.end and not (release_time or 0.0) > projectile.end:
+            break
+        projectile = _moved(mechanism, spans * scale)
+    return projectile
+
+
+def _moved(mechanism: Mechanism, duration: float) -> Projectile:
+    return Projectile(solve(Problem(mechanism, duration=min(duration, 1000.0))))
+
+
+def _surroundings(projectile: Projectile, air: Air, height: float) -> Surroundings:
+    if not math.isfinite(height):
+        raise InputError(f"height = {height!r} m must be finite.")
+    drag = 0.0
+    if air.density * air.drag_area > 0:
+        if projectile.mass is None:
+            raise InputError(
+                f"drag needs the projectile's own mass, but the marker {projectile.name!r} has none and is not the "
+                f"centre of a point mass {projectile.body.name!r}; leave out the drag area, or give the marker a mass."
+            )
+        drag = air.drag(projectile.mass)
+    x, y = _fulcrum(projectile.solution)
+    gravity = projectile.solution.problem.mechanism.gravity
+    return Surroundings(gravity=gravity, drag=drag, ground=y + height, origin=x)
+
+
+def origin(mechanism: Mechanism) -> PinJoint | SlotJoint:
+    """The joint that places are measured from: the fulcrum, or what else on the ground carries the machine."""
+    on_ground = supports(mechanism)
+    return next((joint for joint in on_ground if carries(joint)), on_ground[0])
+
+
+def _fulcrum(solution: Solution) -> tuple[float, float]:
+    """Where the machine's :func:`origin` stands at the start [m]."""
+    joint, kinematics = origin(solution.problem.mechanism), solution.equations.kinematics
+    x, y = kinematics.position(
+        kinematics.point(joint.child, joint.child_point), np.array(solution.problem.mechanism.start)
+    )
+    return float(x), float(y)
+
+
+def _figures(projectile: Projectile, air: Air, height: float, words: str, flight: Flight, best: Flight | None) -> Throw:
+    solution, until = projectile.solution, flight.release.time
+    of_members, of_supports = member_forces(solution, until), support_forces(solution, until)
+    start = solution.trajectory(np.zeros(1))
+    energy = float(start.total_energy[0])
+    return Throw(
+        mechanism=solution.problem.mechanism,
+        released=words,
+        air=air,
+        gravity=solution.problem.mechanism.gravity,
+        height=height,
+        total_energy=energy,
+        launch=_launch_figures(projectile, flight, energy),
+        flight=_flight_figures(projectile, flight),
+        best_launch=None if best is None else _launch_figures(projectile, best, energy),
+        best_flight=None if best is None else _flight_figures(projectile, best),
+        rests=tuple(_rest(solution, stop.name, float(start.stop_torques[stop.name][0]), until)
+                    for stop in solution.problem.mechanism.stops if stop.closed),
+        members=of_members,
+        supports=of_supports,
+        warnings=(*_warnings(of_members, of_supports), *_passed_stops(solution, until)),
+    )  # fmt: skip
+
+
+def _launch_figures(projectile: Projectile, flight: Flight, energy: float) -> LaunchFigures:
+    release, (x, y) = flight.release, _fulcrum(projectile.solution)
+    kinetic = None if projectile.mass is None else 0.5 * projectile.mass * release.speed**2
+    return LaunchFigures(
+        time=release.time,
+        speed=release.speed,
+        angle=release.angle,
+        x=release.position[0] - x,
+        y=release.position[1] - y,
+        sling_angle=None if projectile.arm is None else float(projectile.sling_angle(np.array([release.time]))[0]),
+        kinetic_energy=kinetic,
+        energy_ratio=None if kinetic is None or energy <= 0 else kinetic / energy,
+    )
+
+
+def _flight_figures(projectile: Projectile, flight: Flight) -> FlightFigures:
+    return FlightFigures(
+        range=flight.range,
+        apex_height=flight.apex_height - _fulcrum(projectile.solution)[1],
+        time=flight.time,
+        impact_speed=flight.impact_speed,
+        impact_angle=flight.impact_angle,
+    )
+
+
+def _rest(solution: Solution, name: str, torque: float, until: float) -> RestFigures:
+    time = solution.release_times[name]
+    return RestFigures(name=name, start_torque=torque, release_time=None if time is None or time > until else time)
+
+
+def _warnings(of_members: Iterable[MemberForce], of_supports: Iterable[SupportForce]) -> list[str]:
+    found = [
+        f"the {m.name} is in compression {spoken(m.compressed)} (down to {m.peak_compression / 1e3:.4g} kN at "
+        f"{m.peak_compression_time:.4g} s): a rope would be slack there"
+        for m in of_members
+        if m.two_force and m.compressed
+    ]
+    return found + [
+        f"the ground would have to pull the wheels of {s.joint!r} down {spoken(s.pulls_down)} (with up to "
+        f"{-s.least / 1e3:.4g} kN at {s.least_time:.4g} s): they would lift off"
+        for s in of_supports
+        if s.rolls and s.pulls_down and s.least is not None
+    ]
+
+
+def spoken(intervals: Iterable[Interval]) -> str:
+    """Intervals [s] in words."""
+    return " and ".join(f"from {start:.5g} to {end:.5g} s" for start, end in intervals)
+
+
+def _passed_stops(solution: Solution, until: float) -> list[str]:
+    """Under the release-once law an arm goes through a stop it comes to: its figures are then another machine's."""
+    times = np.linspace(0.0, until, 1500)
+    q = solution.motion(times).q
+    found: list[str] = []
+    for stop in solution.problem.mechanism.stops:
+        through = np.flatnonzero(solution.equations.kinematics.gap(stop.name, q) < _THROUGH)
+        if len(through):
+            found.append(
+                f"the motion goes through the {stop.name!r} at {times[through[0]]:.4g} s, before the release: "
+                "a real machine would hit it there"
+            )
+    return found
