@@ -12,7 +12,6 @@ from functools import cache
 from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 
 import numpy as np
-from pydantic import Field
 
 from ..models.arrays import FloatArray
 from ..models.errors import (
@@ -23,8 +22,8 @@ from ..models.errors import (
     UnsupportedProblemError,
 )
 from ..models.problem import Problem, StopLaw
-from ..models.spec import Positive, Spec
 from ..models.trajectory import PointMotion, Provenance, Trajectory
+from .options import EngineOptions
 
 _MOST_STEPS = 20_000_000
 _ABSENT = "not installed"
@@ -92,7 +91,7 @@ def _version_of(package: str) -> str:
         return _ABSENT
 
 
-class BuiltinEngine(Spec, ABC):
+class BuiltinEngine(EngineOptions, ABC):
     """An engine of this package: its fields are its numerical options, its defaults are the tuned preset.
 
     Raises:
@@ -105,9 +104,6 @@ class BuiltinEngine(Spec, ABC):
     capabilities: ClassVar[Capabilities]
     stock_options: ClassVar[Mapping[str, object]]
     """What the engine's documentation leads to, where it differs from the tuned defaults."""
-
-    preset: str = Field(default="tuned", description="the preset these options were made from")
-    timestep: Positive = Field(default=1e-3, le=1.0, description="step size [s]")
 
     @classmethod
     def stock(cls, **options: Any) -> Self:
@@ -205,7 +201,7 @@ class BuiltinEngine(Spec, ABC):
             engine=self.name,
             engine_version=self.version(),
             preset=self.preset,
-            settings=self.model_dump(mode="json", exclude={"preset"}),
+            settings=self.settings,
             mechanism_hash=problem.mechanism.content_hash,
             duration=problem.duration,
             stop_law=problem.stop_law.value,

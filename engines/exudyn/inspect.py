@@ -17,13 +17,13 @@ from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism, SlotJoint
 from ..inspection import Dynamics, Inspection, State
 from .build import Spring, System, build, exu, silence
-from .engine import ExudynEngine
 from .matrices import Matrices, Solved, matrices
+from .options import ExudynOptions
 from .read import Reader
 from .solver import Solver
 
 
-def inspect(mechanism: Mechanism, states: Sequence[State], options: ExudynEngine) -> Inspection:
+def inspect(mechanism: Mechanism, states: Sequence[State], options: ExudynOptions) -> Inspection:
     """Build as a run would, and look.
 
     Raises:
@@ -41,7 +41,7 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: ExudynEngine
             raise SimulationError(f"exudyn failed: {error}") from error
 
 
-def _springs(mechanism: Mechanism, options: ExudynEngine) -> dict[str, Spring] | None:
+def _springs(mechanism: Mechanism, options: ExudynOptions) -> dict[str, Spring] | None:
     """Springs whose torque is set, in each state, to what holds the stop at rest; no damper has a say then.
 
     Nor has the stiffness, but for rounding: a stiff spring would make noise of the last digits of the two angles.
@@ -52,7 +52,7 @@ def _springs(mechanism: Mechanism, options: ExudynEngine) -> dict[str, Spring] |
 
 
 class _Inspector:
-    def __init__(self, system: System, options: ExudynEngine) -> None:
+    def __init__(self, system: System, options: ExudynOptions) -> None:
         self.system = system
         self.solver = Solver(system, options)
         self.kinematics = Kinematics(system.mechanism)

@@ -6,12 +6,12 @@ from ...models.errors import InputError
 from ...models.problem import Problem, StopLaw
 from ..protocol import Recording
 from .build import silence
-from .engine import ExudynEngine
+from .options import ExudynOptions
 from .step import Motion
 from .unilateral import UnilateralMotion
 
 
-def run(problem: Problem, options: ExudynEngine) -> Recording:
+def run(problem: Problem, options: ExudynOptions) -> Recording:
     """Build, move and read out.
 
     Raises:

@@ -16,7 +16,7 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
 from .build import SensorKey, System, exu
-from .engine import ExudynEngine
+from .options import ExudynOptions
 
 _EVERY_STEP = 1e-12  # [s] sensors are written every 0.01 s unless told; this is below any step
 _SAME_TIME = 1e-9  # of the run's last time
@@ -51,7 +51,7 @@ class Balance:
 class Solver:
     """Runs a system and reads its sensors; `steps` counts the steps taken."""
 
-    def __init__(self, system: System, options: ExudynEngine) -> None:
+    def __init__(self, system: System, options: ExudynOptions) -> None:
         self.system = system
         self.options = options
         self.steps = 0

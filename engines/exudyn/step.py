@@ -12,7 +12,7 @@ from ...models.mechanism import GROUND, PointStop
 from ...models.problem import Problem
 from ..protocol import Recording
 from .build import build
-from .engine import ExudynEngine
+from .options import ExudynOptions
 from .read import Reader, recording
 from .solver import Balance, Closed, Solver, State
 from .springs import springs
@@ -38,7 +38,7 @@ class Piece:
 class Motion:
     """Moves one problem; `releases` and `impacts` tell what its stops did."""
 
-    def __init__(self, problem: Problem, options: ExudynEngine) -> None:
+    def __init__(self, problem: Problem, options: ExudynOptions) -> None:
         self.mechanism = problem.mechanism
         self.duration = problem.duration
         self.options = options

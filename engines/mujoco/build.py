@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,16 +15,14 @@ from ...models.mjcf.points import felt_from
 from ...models.mjcf.writer import MARGIN, START_KEY, mjcf
 from .constraints import Hold, Wall, stop_holds
 from .moving_points import CALLBACK, Bias
-
-if TYPE_CHECKING:
-    from .engine import MujocoEngine
+from .options import MujocoOptions
 
 mujoco: Any = importlib.import_module("mujoco")  # it carries no types
 
 _SETTLING = 6  # preload iterations, each of which gains the four digits of 1 - d
 
 
-def load(mechanism: Mechanism, options: MujocoEngine) -> Any:
+def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
     """The model of the mechanism's MJCF with the engine's options set on it.
 
     Raises:
@@ -59,14 +57,14 @@ def load(mechanism: Mechanism, options: MujocoEngine) -> Any:
     return model
 
 
-def bias_of(mechanism: Mechanism, model: Any, options: MujocoEngine) -> Bias:
+def bias_of(mechanism: Mechanism, model: Any, options: MujocoOptions) -> Bias:
     """What is to be changed of the reference accelerations of contacts and equalities: by stock options, nothing."""
     if not _is_biased(options) or not (model.npair or model.neq):
         return Bias(model, moving=False)
     return Bias(model, options.moving_points, {wall.geoms: 0.0 for wall in _stop_walls(mechanism, model)})
 
 
-def _is_biased(options: MujocoEngine) -> bool:
+def _is_biased(options: MujocoOptions) -> bool:
     return options.moving_points or options.preload
 
 
@@ -74,7 +72,7 @@ def _stop_walls(mechanism: Mechanism, model: Any) -> list[Wall]:
     return [hold for hold in stop_holds(mechanism, model).values() if isinstance(hold, Wall)]
 
 
-def _scaled_softness(options: MujocoEngine, kept: bool = False) -> tuple[float, float]:
+def _scaled_softness(options: MujocoOptions, kept: bool = False) -> tuple[float, float]:
     """Softness of limits, contacts and equalities, -stiffness and -damping [1/s^2, 1/s].
 
     Scaled so, errors fall with the square of the step. Twice the damping is critical and has the least rebound; a

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +15,8 @@ from ..inspection import Dynamics, Inspection, State
 from .build import load, mujoco, start_data
 from .constraints import Hold, rails, stop_holds
 from .moving_points import Bias, equality_rows
+from .options import MujocoOptions
 from .read import IN_PLANE, absolute_from_relative
-
-if TYPE_CHECKING:
-    from .engine import MujocoEngine
 
 # How soft a limit is and how far the solver goes are numerical options; a limit at rest carries the same torque
 # whatever they are. With the hardest impedance MuJoCo takes, each round of settling gains the four digits of 1 - d.
@@ -38,7 +36,7 @@ _ROUNDS = 50  # of settling, at most; four do, unless the machine is close to a 
 _SETTLED = 1e-14  # change of the torques in a round, of the largest: rounding
 
 
-def inspect(mechanism: Mechanism, states: Sequence[State], options: MujocoEngine) -> Inspection:
+def inspect(mechanism: Mechanism, states: Sequence[State], options: MujocoOptions) -> Inspection:
     """Look at the built model in each state.
 
     Raises:
@@ -55,7 +53,7 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: MujocoEngine
     )
 
 
-def _at_rest(mechanism: Mechanism, options: MujocoEngine) -> Any:
+def _at_rest(mechanism: Mechanism, options: MujocoOptions) -> Any:
     """The model with numerical options that make torques at rest exact."""
     model = load(mechanism, options.model_copy(update=_AT_REST))
     model.pair_solref[:], model.eq_solref[:] = _POINTS_AT_REST, _POINTS_AT_REST

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Generator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,10 +16,8 @@ from ...models.problem import Problem, StopLaw
 from ..protocol import Recording
 from .build import bias_of, load, mujoco, preload, start_data
 from .constraints import rails, stop_holds
+from .options import MujocoOptions
 from .read import Samples, recording
-
-if TYPE_CHECKING:
-    from .engine import MujocoEngine
 
 _rollout: Any = importlib.import_module("mujoco.rollout")
 
@@ -29,7 +27,7 @@ _HALVINGS = 45  # of the step in which a release is: to 3e-14 of it
 _ROUNDING = 1e-15  # times closer than this (relatively) are one time
 
 
-def run(problem: Problem, options: MujocoEngine) -> Recording:
+def run(problem: Problem, options: MujocoOptions) -> Recording:
     """Simulate a problem.
 
     Raises:
@@ -61,7 +59,7 @@ def _warnings_raised() -> Generator[None]:
 class _Stepper:
     """The model on its way through a problem."""
 
-    def __init__(self, problem: Problem, options: MujocoEngine) -> None:
+    def __init__(self, problem: Problem, options: MujocoOptions) -> None:
         self.problem, self.options = problem, options
         self.model = load(problem.mechanism, options)
         self.data = start_data(self.model)

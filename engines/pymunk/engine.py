@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, ClassVar
-
-from pydantic import Field
+from typing import ClassVar
 
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
-from ...models.spec import Positive, Real
 from ..inspection import Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording
+from .options import PymunkOptions
 
 _LIBRARY_ERROR_BIAS = (1.0 - 0.1) ** 60
 
 
-class PymunkEngine(BuiltinEngine):
+class PymunkEngine(PymunkOptions, BuiltinEngine):
     """Chipmunk's impulse solver.
 
     A step moves the bodies with their old velocities and then finds impulses at the new place. Read as a leapfrog
@@ -47,26 +45,6 @@ class PymunkEngine(BuiltinEngine):
         "locate_releases": False,
         "pivot_mass": 1.0,
     }
-
-    iterations: int = Field(default=200, ge=1, le=100_000, description="passes of the impulse solver in a step")
-    start_iterations: int = Field(
-        default=5_000, ge=1, le=1_000_000, description="passes in the first step, which has no impulses to start from"
-    )
-    error_bias: Annotated[Real, Field(ge=0, le=1)] = Field(
-        default=0.0, description="share of a joint's error left after a second; 0: all of it is undone in a step"
-    )
-    leapfrog: bool = Field(
-        default=True, description="start half a step ahead in velocity, and read velocities at half steps"
-    )
-    hold_lengths: bool = Field(
-        default=True, description="set rods shorter by what the curvature of their motion lengthens them in a step"
-    )
-    locate_releases: bool = Field(
-        default=True, description="release where the torque is foreseen to vanish, not a step after it has"
-    )
-    pivot_mass: Positive = Field(
-        default=1e4, ge=1, le=1e9, description="mass given to a body pinned to the ground, in multiples of its own"
-    )
 
     def _run(self, problem: Problem) -> Recording:
         # Here and not above: a class must tell that its library is missing, not fail to load.

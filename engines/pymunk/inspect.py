@@ -13,7 +13,6 @@ import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pymunk
@@ -25,14 +24,12 @@ from ...models.mechanism import GROUND, Mechanism, PinJoint, PointStop, Stop
 from ..inspection import Dynamics, Inspection, State
 from .build import Machine, Rod, build, start_of
 from .forces import forces_of
+from .options import PymunkOptions
 from .read import Reading
 from .velocity_increment import STEP, reading_of, settled_kick
 
-if TYPE_CHECKING:
-    from .engine import PymunkEngine
 
-
-def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkEngine) -> Inspection:
+def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkOptions) -> Inspection:
     """Look at the built machine in each state.
 
     Raises:

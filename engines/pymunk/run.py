@@ -10,12 +10,12 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..protocol import Recording
 from .build import start_of
-from .engine import PymunkEngine
+from .options import PymunkOptions
 from .segment import Segment
 from .unilateral import record_with_impacts
 
 
-def record(problem: Problem, engine: PymunkEngine) -> Recording:
+def record(problem: Problem, engine: PymunkOptions) -> Recording:
     """Run a problem.
 
     Raises:

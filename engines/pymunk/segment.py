@@ -14,8 +14,8 @@ from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ..protocol import Recording
 from .build import Machine, build, start_of
-from .engine import PymunkEngine
 from .forces import forces_of
+from .options import PymunkOptions
 from .read import Reading, as_vectors, samples_of
 from .step import Stepper
 
@@ -24,7 +24,7 @@ _SLACK = 1e-9  # of the largest torque: rounding of a torque that is zero
 _NEAR = 4.0  # a stop is looked at closely when its impulse is less than so many of its changes in a step
 
 
-def _pushing(mechanism: Mechanism, h: float, engine: PymunkEngine) -> tuple[str, ...]:
+def _pushing(mechanism: Mechanism, h: float, engine: PymunkOptions) -> tuple[str, ...]:
     """Stops that hold at the start: all of them if all push, or those that push while the others open."""
     touching = [stop.name for stop in mechanism.stops if stop.closed]
     if not touching:
@@ -52,7 +52,7 @@ def _is_consistent(machine: Machine, stepper: Stepper, h: float, opened: list[st
 class Segment:
     """Steps from a machine's start to a given time, and who is released when."""
 
-    def __init__(self, mechanism: Mechanism, engine: PymunkEngine, start: float, end: float) -> None:
+    def __init__(self, mechanism: Mechanism, engine: PymunkOptions, start: float, end: float) -> None:
         """Build the machine and find which of its closed stops push.
 
         Args:

@@ -24,8 +24,8 @@ from ...models.problem import Problem
 from ...models.trajectory import PointMotion
 from ..protocol import Recording
 from .build import build, start_of
-from .engine import PymunkEngine
 from .impact import gap_speeds, strike
+from .options import PymunkOptions
 from .read import Reading
 from .segment import Segment
 
@@ -49,7 +49,7 @@ class _Meeting:
     """The one before it, in its segment."""
 
 
-def record_with_impacts(problem: Problem, engine: PymunkEngine) -> Recording:
+def record_with_impacts(problem: Problem, engine: PymunkOptions) -> Recording:
     """Run a problem whose stops may be met.
 
     Raises:
@@ -60,7 +60,7 @@ def record_with_impacts(problem: Problem, engine: PymunkEngine) -> Recording:
 
 
 class _UnilateralRun:
-    def __init__(self, problem: Problem, engine: PymunkEngine) -> None:
+    def __init__(self, problem: Problem, engine: PymunkOptions) -> None:
         self.problem, self.engine, self.mechanism = problem, engine, problem.mechanism
         self.releases: dict[str, float | None] = {stop.name: None for stop in self.mechanism.stops}
         self.impacts: list[tuple[float, Mapping[str, float]]] = []

@@ -5,26 +5,23 @@ from __future__ import annotations
 import dataclasses
 import importlib.util
 from collections.abc import Mapping, Sequence
-from typing import Annotated, ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
-from pydantic import Field
 
 from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
-from ...models.spec import Real
 from ...reference.certification.redundant import RedundantSystem
 from ...reference.solution import Solution
-from ...reference.solver import TOLERANCE, solve
+from ...reference.solver import solve
 from ...reference.taylor.solve import solve_taylor
 from ..inspection import Dynamics, Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording
+from .options import ReferenceOptions
 
-_Tolerance = Annotated[Real, Field(ge=2.5e-14, le=1e-2)]
 
-
-class ReferenceEngine(BuiltinEngine):
+class ReferenceEngine(ReferenceOptions, BuiltinEngine):
     """Lagrangian reference in minimal coordinates, DOP853; `timestep` is only the interval of its samples."""
 
     name: ClassVar[str] = "reference"
@@ -38,14 +35,6 @@ class ReferenceEngine(BuiltinEngine):
     )
     # A newcomer to SciPy asks for DOP853 with tolerances that sound tight.
     stock_options: ClassVar[Mapping[str, object]] = {"rtol": 1e-9, "atol": 1e-9}
-
-    integrator: Literal["dop853", "taylor", "auto"] = Field(
-        default="dop853", description="SciPy's DOP853, heyoka's Taylor series, or Taylor where heyoka is installed"
-    )
-    rtol: _Tolerance = Field(
-        default=TOLERANCE, description="relative local error of DOP853; Taylor series go to the last digit"
-    )
-    atol: _Tolerance = Field(default=TOLERANCE, description="absolute local error [rad, m, rad/s, m/s]")
 
     def solve(self, problem: Problem) -> Solution:
         """The continuous solution behind :meth:`simulate`."""

@@ -1,0 +1,60 @@
+"""The numerical options of the mujoco adapter; the defaults are the tuned preset."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from ...models.spec import NonNegative, Real
+from ..options import EngineOptions
+
+_Impedance = Annotated[Real, Field(ge=1e-4, le=0.9999)]
+
+
+class MujocoOptions(EngineOptions):
+    """Numerical options.
+
+    Raises:
+        InputError: an option is unknown or outside its range.
+    """
+
+    integrator: Literal["RK4", "Euler", "implicit", "implicitfast", "discrete"] = Field(
+        default="RK4",
+        description="MuJoCo's integrator; all but RK4 are of first order, and 'implicit' chatters on a limit",
+    )
+    free_substeps: int = Field(
+        default=4, ge=1, le=1000, description="steps of MuJoCo to one `timestep` once no stop holds any more"
+    )
+    solver: Literal["Newton", "CG", "PGS"] = Field(default="Newton", description="MuJoCo's constraint solver")
+    tolerance: NonNegative = Field(
+        default=1e-30, description="gain at which the solver stops; at 0 its line search runs on to its last iteration"
+    )
+    iterations: int = Field(default=100, ge=1, le=10_000, description="of the solver, at most")
+    solref: tuple[Real, Real] | None = Field(
+        default=None,
+        description="reference of limits, contacts and equalities: time constant [s] and damping ratio if positive, "
+        "-stiffness [1/s^2] and -damping [1/s] if negative; None: scaled with the time step",
+    )
+    solimp: tuple[_Impedance, _Impedance, NonNegative, Real, Real] = Field(
+        default=(0.9999, 0.9999, 0.001, 0.5, 2.0),
+        description="impedance of limits, contacts and equalities: d0, d_width, width, midpoint, power",
+    )
+    margin: NonNegative = Field(
+        default=1e-12,
+        le=1e-2,
+        description="nearer than this to its limit, a joint feels it [rad]; 0 misses the start. A point feels a wall "
+        "from this times the machine's size [m], or from farther off where points are held exactly",
+    )
+    locate_releases: bool = Field(default=True, description="find a release inside its step, not at the step's end")
+    preload: bool = Field(
+        default=True, description="press the closed limits in at the start, so that their torques are right from t = 0"
+    )
+    moving_points: bool = Field(
+        default=True,
+        description="hold points exactly: with the acceleration that a point has from the speeds alone, which MuJoCo "
+        "leaves out of contacts, and the same feedback through all stages of a step",
+    )
+    keep_limits: bool = Field(
+        default=False, description="leave released and open limits in the model even under the release-once law"
+    )
