@@ -1,0 +1,251 @@
+"""A report as a list of blocks; `html`, `terminal` and `markdown` show it.
+
+A mark is a named state of a value or a text ("good": it holds its tolerance). The page shows it by a class and a sign,
+the terminal by a style; no renderer relies on colour alone. A medium says where a block, a row or a column is shown:
+a terminal has room for fewer of them. Headings, notes and tiles are for pages unless they say otherwise; figures and
+folds always are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import TYPE_CHECKING, ClassVar, Literal, Protocol, TypeVar
+
+from .numbers import format_value
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
+Mark = Literal["plain", "good", "bad", "warning", "muted", "strong"]
+Medium = Literal["any", "page", "terminal"]
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading; level 2 opens a chapter, 3 a section, 4 a part of one. The title of the document is level 1."""
+
+    kind: ClassVar[str] = "heading"
+    text: str
+    level: Literal[2, 3, 4] = 3
+    anchor: str = ""
+    medium: Medium = "page"
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph. The mark applies to `lead`, the words it begins with, or without them to all of it."""
+
+    kind: ClassVar[str] = "text"
+    text: str
+    mark: Mark = "plain"
+    lead: str = ""
+    medium: Medium = "any"
+
+
+@dataclass(frozen=True)
+class Note:
+    """A paragraph that says how to read what is beside it."""
+
+    kind: ClassVar[str] = "note"
+    text: str
+    medium: Medium = "page"
+
+
+@dataclass(frozen=True)
+class Listing:
+    """Sentences, each of which stands for itself."""
+
+    kind: ClassVar[str] = "listing"
+    items: tuple[Text, ...]
+    ordered: bool = False
+    medium: Medium = "any"
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A number and what it counts."""
+
+    value: str
+    label: str
+    mark: Mark = "plain"
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """Numbers that come before all else."""
+
+    kind: ClassVar[str] = "tiles"
+    tiles: tuple[Tile, ...]
+    medium: Medium = "page"
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table.
+
+    `short` is the title in a terminal, where that has to be another; neighbours of one `group` share a heading on the
+    page; `wrap` allows texts of several lines.
+    """
+
+    title: str
+    unit: str = ""
+    align: Literal["left", "right"] = "right"
+    short: str = ""
+    group: str = ""
+    wrap: bool = False
+    medium: Medium = "any"
+
+    @property
+    def heading(self) -> str:
+        """Title and unit; a pure number has none."""
+        return f"{self.title} [{self.unit}]".lstrip() if self.unit not in ("", "1") else self.title
+
+
+def words(title: str, *, wrap: bool = True, medium: Medium = "any") -> Column:
+    """A column of texts."""
+    return Column(title, align="left", wrap=wrap, medium=medium)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A value; the page also shows its detail, small and below it, and its hint, where it is pointed at."""
+
+    text: str
+    mark: Mark = "plain"
+    detail: str = ""
+    hint: str = ""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of a table; where it has fewer cells than there are columns, the last one spans the rest."""
+
+    cells: tuple[Cell, ...]
+    anchor: str = ""
+    medium: Medium = "any"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells under columns; without rows it is not shown, without titles it has no head."""
+
+    kind: ClassVar[str] = "table"
+    columns: tuple[Column, ...]
+    rows: tuple[Row, ...]
+    caption: str = ""
+    medium: Medium = "any"
+
+    @property
+    def has_head(self) -> bool:
+        """Whether any column has a title."""
+        return any(column.title or column.unit for column in self.columns)
+
+    def columns_in(self, medium: Medium) -> list[Column]:
+        """Columns that are shown there."""
+        return in_medium(self.columns, medium)
+
+    def rows_in(self, medium: Medium) -> list[tuple[Row, list[tuple[Cell, int]]]]:
+        """Rows that are shown there, with their cells, each with the number of shown columns that it spans."""
+        shown = [column.medium in ("any", medium) for column in self.columns]
+        found: list[tuple[Row, list[tuple[Cell, int]]]] = []
+        for row in in_medium(self.rows, medium):
+            spans = [*map(int, shown[: len(row.cells) - 1]), sum(shown[len(row.cells) - 1 :])]
+            found.append((row, [(cell, span) for cell, span in zip(row.cells, spans, strict=True) if span]))
+        return found
+
+    def groups(self) -> list[tuple[str, int]]:
+        """Headings over several of the page's columns, with their numbers of columns; none if there are none."""
+        found = [(group, len(list(of_it))) for group, of_it in groupby(self.columns_in("page"), lambda c: c.group)]
+        return found if any(group for group, _ in found) else []
+
+
+def table(
+    columns: Sequence[Column | str],
+    rows: Iterable[Row | Sequence[object]],
+    caption: str = "",
+    medium: Medium = "any",
+) -> Table:
+    """A table from plain values: a cell is a `Cell` or a value that `format_value` shows, a column may be its title."""
+    return Table(
+        tuple(column if isinstance(column, Column) else Column(column) for column in columns),
+        tuple(each if isinstance(each, Row) else row(*each) for each in rows),
+        caption,
+        medium,
+    )
+
+
+def row(*values: object, anchor: str = "", medium: Medium = "any") -> Row:
+    """A row from plain values."""
+    cells = (value if isinstance(value, Cell) else Cell(format_value(value)) for value in values)
+    return Row(tuple(cells), anchor, medium)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A plot with its title and the sentence that says how to read it."""
+
+    kind: ClassVar[str] = "figure"
+    plot: go.Figure
+    title: str = ""
+    caption: str = ""
+    medium: Medium = "page"
+
+
+@dataclass(frozen=True)
+class Code:
+    """A text to copy, or data, as it is."""
+
+    kind: ClassVar[str] = "code"
+    title: str
+    text: str
+    medium: Medium = "any"
+
+
+@dataclass(frozen=True)
+class Fold:
+    """Blocks behind a title that opens them."""
+
+    kind: ClassVar[str] = "fold"
+    title: str
+    blocks: tuple[Block, ...]
+    opened: bool = False
+    medium: Medium = "page"
+
+
+Block = Heading | Text | Note | Listing | Tiles | Table | Figure | Code | Fold
+
+
+@dataclass(frozen=True)
+class Document:
+    """A report: its title, its blocks, and the title of the window it is shown in."""
+
+    title: str
+    blocks: tuple[Block, ...]
+    window: str = "trebucheck"
+
+
+class _Placed(Protocol):
+    @property
+    def medium(self) -> Medium: ...
+
+
+_P = TypeVar("_P", bound=_Placed)
+_B = TypeVar("_B", Heading, Text, Note, Listing, Tiles, Table, Code)
+
+
+def in_medium(parts: Iterable[_P], medium: Medium) -> list[_P]:
+    """Parts that are shown there; a table without rows is not."""
+    there = (part for part in parts if part.medium in ("any", medium))
+    return [part for part in there if not isinstance(part, Table) or part.rows_in(medium)]
+
+
+def page_only(block: _B) -> _B:
+    """The block, kept out of terminals."""
+    return replace(block, medium="page")
+
+
+def terminal_only(block: _B) -> _B:
+    """The block, kept out of pages."""
+    return replace(block, medium="terminal")

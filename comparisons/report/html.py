@@ -1,0 +1,37 @@
+"""A document as one HTML file that needs nothing else."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import plotly.graph_objects as go
+from jinja2 import Environment, StrictUndefined, Template
+from markupsafe import Markup
+from plotly.offline import get_plotlyjs
+
+from .document import Document, in_medium
+
+SIGNS = {"good": "✓", "bad": "✗", "warning": "!"}
+"""Before what is marked so, for those who do not see the colour."""
+
+
+def page(document: Document) -> str:
+    """The whole page as HTML text, scripts and all."""
+    return _template().render(
+        document=document, in_medium=in_medium, signs=SIGNS, embedded=_embedded, plotly=Markup(get_plotlyjs())
+    )
+
+
+@cache
+def _template() -> Template:
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    text = files(__package__ or "").joinpath("templates/page.html.j2").read_text(encoding="utf-8")
+    return environment.from_string(text)
+
+
+def _embedded(plot: go.Figure) -> Markup:
+    """A figure as HTML that needs plotly.js on its page."""
+    options: dict[str, Any] = {"displaylogo": False, "responsive": True}
+    return Markup(plot.to_html(full_html=False, include_plotlyjs=False, config=options))
