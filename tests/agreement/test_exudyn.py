@@ -2,98 +2,37 @@
 
 from __future__ import annotations
 
-import cmath
-import math
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mechanisms import TABLE_ONE, four_bar, position_error, rods_on_a_slot, table_one_motion
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
 from trebucheck.models.machines.parameters import TrebuchetParameters
-from trebucheck.models.machines.trebuchet import HANGER_REST, PROJECTILE, SLING_REST, fixed, rolling
-from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, SlotJoint, Stop
+from trebucheck.models.machines.trebuchet import HANGER_REST, SLING_REST, fixed, rolling
+from trebucheck.models.mechanism import Mechanism, Stop
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.trajectory import Trajectory
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
 pytest.importorskip("exudyn")
 
-MACHINES = {"fixed": fixed(), "rolling": rolling()}
+ONE = Stop(name="one", body="upper", sense=-1, limit=-0.5, closed=True)
+TWO = Stop(name="two", body="lower", relative_to="upper", sense=1, limit=-0.3, closed=True)
 
 
-@pytest.fixture(scope="module", params=MACHINES)
+def double_pendulum(*stops: Stop, **changes: object) -> Mechanism:
+    """Two rods on a tilted slot, the lower one without an inertia of its own."""
+    return rods_on_a_slot(*stops, inertia=0, tip=(0.5, 0.2), **changes)
+
+
+@pytest.fixture(scope="module", params=TABLE_ONE)
 def reference(request: pytest.FixtureRequest) -> Solution:
     """Reference motion of Table I, up to the launch."""
-    solution = solve(Problem(MACHINES[request.param], 2.8))
-    assert solution.launch is not None
-    return solve(Problem(MACHINES[request.param], solution.launch.time))
-
-
-def position_error(run: Trajectory, reference: Solution) -> float:
-    """Largest distance of the projectile from the reference [m]."""
-    exact = reference.trajectory(run.t)
-    return float(np.linalg.norm(run.marker(PROJECTILE).position - exact.marker(PROJECTILE).position, axis=1).max())
-
-
-def double_pendulum(**changes: object) -> Mechanism:
-    """Two rods with a stop on each, on a slot that is tilted, with no point where it would be easy."""
-    fields: dict[str, object] = {
-        "name": "double",
-        "bodies": (
-            Body(name="upper", angle="a", mass=2, centre=(0.4, 0.2), inertia=0.3),
-            Body(name="lower", angle="b", mass=1, centre=(0.1, -0.5), inertia=0),
-        ),
-        "joints": (
-            SlotJoint(
-                name="slot",
-                child="upper",
-                parent_point=(1, 2),
-                child_point=(-0.1, 0.3),
-                axis=(0.6, 0.8),
-                coordinate="s",
-            ),
-            PinJoint(name="pin", parent="upper", child="lower", parent_point=(0.9, 0.1), child_point=(0.05, 0.1)),
-        ),
-        "stops": (
-            Stop(name="one", body="upper", sense=-1, limit=-0.5, closed=True),
-            Stop(name="two", body="lower", relative_to="upper", sense=1, limit=-0.3, closed=True),
-        ),
-        "markers": (Marker(name="tip", body="lower", point=(0.5, 0.2)),),
-        "gravity": 9.81,
-        "start": (0.5, 0.2, 0.6),
-    }
-    return Mechanism(**(fields | changes))
-
-
-def four_bar() -> Mechanism:
-    """A loop of four pins; the coupler's and the rocker's angles close it."""
-    crank = -1.2
-    # The two circles around the crank's end and the rocker's foot meet where the coupler meets the rocker.
-    end, foot, coupler, rocker = cmath.exp(-1j * crank), complex(3, 0), 2.5, 2.0
-    span = foot - end
-    along = (coupler**2 - rocker**2 + abs(span) ** 2) / (2 * abs(span))
-    meeting = end + span / abs(span) * complex(along, math.sqrt(coupler**2 - along**2))
-    start = (crank, -cmath.phase(meeting - end), -cmath.phase(meeting - foot))
-    return Mechanism(
-        name="four-bar",
-        bodies=(
-            Body(name="crank", angle="a", mass=1, centre=(0.5, 0), inertia=0.1),
-            Body(name="coupler", angle="b", mass=2, centre=(1.2, 0.1), inertia=0.5),
-            Body(name="rocker", angle="c", mass=1.5, centre=(1, 0), inertia=0.4),
-        ),
-        joints=(
-            PinJoint(name="A", parent=GROUND, child="crank", parent_point=(0, 0), child_point=(0, 0)),
-            PinJoint(name="B", parent="crank", child="coupler", parent_point=(1, 0), child_point=(0, 0)),
-            PinJoint(name="D", parent=GROUND, child="rocker", parent_point=(3, 0), child_point=(0, 0)),
-            PinJoint(name="C", parent="coupler", child="rocker", parent_point=(coupler, 0), child_point=(rocker, 0)),
-        ),
-        gravity=9.81,
-        start=start,
-    )
+    return table_one_motion(request.param)
 
 
 def test_tuned_at_its_own_step_stays_within_the_bars(reference: Solution) -> None:
@@ -197,7 +136,7 @@ def test_all_stops_are_decided_at_once(seed: int) -> None:
             name="two", body="lower", relative_to="upper", sense=int(senses[1]), limit=senses[1] * (b - a), closed=True
         ),
     )
-    problem = Problem(double_pendulum(stops=stops, start=(a, b, 0.6)), 0.01)
+    problem = Problem(double_pendulum(*stops, start=(a, b, 0.6)), 0.01)
     run, exact = ExudynEngine(timestep=1e-3).simulate(problem), solve(problem)
     assert run.release_times == exact.release_times
     start = exact.trajectory(np.zeros(1))
@@ -206,7 +145,7 @@ def test_all_stops_are_decided_at_once(seed: int) -> None:
 
 
 def test_a_tilted_slot_does_not_turn_with_its_body_and_speeds_may_start_anywhere() -> None:
-    problem = Problem(double_pendulum(stops=(), start_speeds=(1.0, -2.0, 0.3)), 1.0)
+    problem = Problem(double_pendulum(start_speeds=(1.0, -2.0, 0.3)), 1.0)
     runs = [ExudynEngine(timestep=step).simulate(problem) for step in (2e-3, 1e-3)]
     errors: list[list[float]] = []
     for run in runs:
@@ -258,7 +197,7 @@ def test_a_failed_step_is_one_sentence() -> None:
 
 
 def test_redundant_joints_are_refused() -> None:
-    mechanism = double_pendulum(stops=())
+    mechanism = double_pendulum()
     twice = mechanism.joints[1].model_copy(update={"name": "again"})
     with pytest.raises(SimulationError, match="redundant"):
         ExudynEngine().simulate(Problem(mechanism.model_copy(update={"joints": (*mechanism.joints, twice)}), 0.1))
@@ -271,7 +210,7 @@ def test_a_second_run_gives_the_same_bits() -> None:
 
 
 def test_a_closed_stop_whose_gap_moves_is_refused() -> None:
-    mechanism = double_pendulum(start_speeds=(0.0, 0.5, 0.0))
+    mechanism = double_pendulum(ONE, TWO, start_speeds=(0.0, 0.5, 0.0))
     with pytest.raises(UnsupportedProblemError, match="'two' closed while its gap changes"):
         ExudynEngine().simulate(Problem(mechanism, 0.1))
 
@@ -299,5 +238,5 @@ def test_a_wrong_option_is_named(option: str, value: object) -> None:
 
 
 def test_the_class_does_not_load_exudyn() -> None:
-    code = "import sys; from trebucheck.engines.exudyn_ import ExudynEngine as E; E.version(); E.is_installed(); E()"
+    code = "import sys, trebucheck.engines.exudyn.engine as m; E = m.ExudynEngine; E.version(); E.is_installed(); E()"
     subprocess.run([sys.executable, "-c", f"{code}; assert 'exudyn' not in sys.modules"], check=True, cwd="/")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from table_one import MACHINES
+from mechanisms import TABLE_ONE
 from trebucheck.comparisons.equivalence.random_states import random_states
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.engines.inspection import Inspection, State
@@ -56,7 +56,7 @@ def _relative(mine: FloatArray, theirs: FloatArray) -> float:
 
 
 @pytest.mark.parametrize("stiffness", [None, 1e9])
-@pytest.mark.parametrize("mechanism", [*MACHINES.values(), closed_loop()], ids=lambda mechanism: mechanism.name)
+@pytest.mark.parametrize("mechanism", [*TABLE_ONE.values(), closed_loop()], ids=lambda mechanism: mechanism.name)
 def test_springs_and_constraints_are_the_same_machine(mechanism: Mechanism, stiffness: float | None) -> None:
     states = random_states(mechanism)
     found = ExudynEngine(stop_stiffness=stiffness).inspect(mechanism, states)
@@ -68,7 +68,7 @@ def test_springs_and_constraints_are_the_same_machine(mechanism: Mechanism, stif
 
 def test_accelerations_are_right_at_any_speed() -> None:
     """The joints' second derivatives come from Jacobians along the motion, whatever the rate of that."""
-    mechanism = MACHINES["rolling"]
+    mechanism = TABLE_ONE["rolling"]
     for speed in (0.0, 1e-6, 30.0, 1e4):
         states = (State(np.array([0.4, 4.0, 0.2, -0.3]), speed * np.array([1.0, -0.7, 0.4, 2.0])),)
         assert off(ExudynEngine().inspect(mechanism, states), mechanism, states)["accelerations"] <= EXACT
@@ -113,7 +113,7 @@ FAULTS: dict[str, Callable[[Any], None]] = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize("name", TABLE_ONE)
 def test_a_fault_in_the_system_shows(name: str, fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
     from trebucheck.engines.exudyn import inspect as module
 
@@ -124,9 +124,9 @@ def test_a_fault_in_the_system_shows(name: str, fault: str, monkeypatch: pytest.
         FAULTS[fault](system)
         return system
 
-    states = random_states(MACHINES[name])
+    states = random_states(TABLE_ONE[name])
     monkeypatch.setattr(module, "build", wrongly)
-    found = ExudynEngine().inspect(MACHINES[name], states)
+    found = ExudynEngine().inspect(TABLE_ONE[name], states)
     gaps = max(abs(gap) for dynamics in found.dynamics for gap in dynamics.stop_gaps.values())
     # A thousandth of an inertia that is a sixtieth of the whole shows least.
-    assert max(gaps, *off(found, MACHINES[name], states).values()) > 1e-6
+    assert max(gaps, *off(found, TABLE_ONE[name], states).values()) > 1e-6

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cmath
 import functools
 import math
 from collections.abc import Callable
@@ -10,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mechanisms import G, floor, four_bar, hanging_bob, pin, position_error, rods_on_a_slot
 from scipy.integrate import quad
-from table_one import error
 from trebucheck.comparisons.equivalence.checks import equality
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
@@ -28,7 +27,6 @@ from trebucheck.reference.solver import solve, solve_to_launch
 
 pytest.importorskip("exudyn")
 
-G = 9.81
 EXACT = 1e-10  # relative; the issue's bar where an engine exposes a quantity
 MACHINES = {"catapult": catapult(), "hinged": hinged(), "floating-arm": floating_arm()}
 
@@ -62,7 +60,7 @@ def test_tuned_at_its_own_step_stays_within_the_bars(name: str) -> None:
     run = ExudynEngine.tuned().simulate(exact.problem)
     there = exact.trajectory(run.t)
     for marker in run.mechanism.markers:
-        assert error(run, exact, marker.name) <= 1e-5
+        assert position_error(run, exact, marker.name) <= 1e-5
     for stop, time in exact.release_times.items():
         assert run.release_time(stop) == pytest.approx(time, abs=1e-7)
     assert forces_off(run, exact) <= 1e-3  # of a projectile's weight of 589 N, second order in the step
@@ -79,7 +77,7 @@ def test_the_order_is_two(name: str) -> None:
     steps = np.array([4e-3, 2e-3, 1e-3])
     runs = [ExudynEngine(timestep=step).simulate(exact.problem) for step in steps]
     for marker in MACHINES[name].markers:
-        errors = [error(run, exact, marker.name) for run in runs]
+        errors = [position_error(run, exact, marker.name) for run in runs]
         assert np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(2.0, abs=0.1)
 
 
@@ -104,7 +102,7 @@ OTHERS: dict[str, Mechanism] = {
 def test_other_machines_are_of_order_two_under_both_laws(name: str, law: StopLaw) -> None:
     exact = solve(Problem(OTHERS[name], 1.5, stop_law=law))
     assert equality(ExudynEngine(), OTHERS[name]).holds
-    errors = [error(ExudynEngine(timestep=step).simulate(exact.problem), exact) for step in (2e-3, 1e-3)]
+    errors = [position_error(ExudynEngine(timestep=step).simulate(exact.problem), exact) for step in (2e-3, 1e-3)]
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
 
 
@@ -169,60 +167,20 @@ def walled(mechanism: Mechanism, walls: dict[str, Wall]) -> Mechanism:
     return Mechanism(**(dict(mechanism) | {"stops": tuple(stops)}))
 
 
-def rods(start: tuple[float, float, float] = (0.5, -0.4, 0.6), **changes: object) -> Mechanism:
+RODS: dict[str, Any] = {"inertia": 0.2, "tip": (0.8, 0.3)}
+
+
+def rods(start: tuple[float, float, float] = (0.5, -0.4, 0.6)) -> Mechanism:
     """Two rods, the first one on a tilted slot and with a limit on its angle."""
-    fields: dict[str, object] = {
-        "name": "rods",
-        "bodies": (
-            Body(name="upper", angle="a", mass=2, centre=(0.4, 0.2), inertia=0.3),
-            Body(name="lower", angle="b", mass=1, centre=(0.1, -0.5), inertia=0.2),
-        ),
-        "joints": (
-            SlotJoint(
-                name="slot",
-                child="upper",
-                parent_point=(1, 2),
-                child_point=(-0.1, 0.3),
-                axis=(0.6, 0.8),
-                coordinate="s",
-            ),
-            PinJoint(name="pin", parent="upper", child="lower", parent_point=(0.9, 0.1), child_point=(0.05, 0.1)),
-        ),
-        "stops": (Stop(name="limit", body="upper", sense=-1, limit=-start[0], closed=True),),
-        "markers": (Marker(name="tip", body="lower", point=(0.8, 0.3)),),
-        "gravity": G,
-        "start": start,
-    }
-    return Mechanism(**(fields | changes))
+    limit = Stop(name="limit", body="upper", sense=-1, limit=-start[0], closed=True)
+    return rods_on_a_slot(limit, start=start, **RODS)
 
 
-def four_bar() -> Mechanism:
+def four_bar_on_a_wall() -> Mechanism:
     """A loop of four pins, and a rod that hangs on its coupler with its end on a tilted wall."""
-    crank, coupler, rocker, foot = -1.2, 2.5, 2.0, complex(3, 0)
-    end = cmath.exp(-1j * crank)
-    span = foot - end
-    # The circles around the crank's end and the rocker's foot meet where the coupler meets the rocker.
-    along = (coupler**2 - rocker**2 + abs(span) ** 2) / (2 * abs(span))
-    meeting = end + span / abs(span) * complex(along, math.sqrt(coupler**2 - along**2))
-    plain = Mechanism(
-        name="four-bar",
-        bodies=(
-            Body(name="crank", angle="a", mass=1, centre=(0.5, 0), inertia=0.1),
-            Body(name="coupler", angle="b", mass=2, centre=(1.2, 0.1), inertia=0.5),
-            Body(name="rocker", angle="c", mass=1.5, centre=(1, 0), inertia=0.4),
-            Body(name="rod", angle="d", mass=0.8, centre=(0.5, 0), inertia=0.1),
-        ),
-        joints=(
-            PinJoint(name="A", parent=GROUND, child="crank", parent_point=(0, 0), child_point=(0, 0)),
-            PinJoint(name="B", parent="crank", child="coupler", parent_point=(1, 0), child_point=(0, 0)),
-            PinJoint(name="D", parent=GROUND, child="rocker", parent_point=(3, 0), child_point=(0, 0)),
-            PinJoint(name="C", parent="coupler", child="rocker", parent_point=(coupler, 0), child_point=(rocker, 0)),
-            PinJoint(name="E", parent="coupler", child="rod", parent_point=(1.2, -0.1), child_point=(0, 0)),
-        ),
-        markers=(Marker(name="end", body="rod", point=(1, 0)),),
-        gravity=G,
-        start=(crank, -cmath.phase(meeting - end), -cmath.phase(meeting - foot), 2.2),
-    )
+    rod = Body(name="rod", angle="d", mass=0.8, centre=(0.5, 0), inertia=0.1)
+    hung = (pin("E", "coupler", "rod", (1.2, -0.1)),)
+    plain = four_bar(rod, start=(2.2,), hung=hung, markers=(Marker(name="end", body="rod", point=(1, 0)),))
     return walled(plain, {"wall": ("rod", (1, 0), -1.2)})
 
 
@@ -232,7 +190,7 @@ def test_limits_and_walls_are_decided_at_once(seed: int) -> None:
     a, b = rng.uniform(-3, 3, 2)
     tilts = rng.uniform(-math.pi, math.pi, 2)
     walls = {"one": ("upper", (0.7, -0.4), tilts[0]), "two": ("lower", (0.8, 0.3), tilts[1])}
-    problem = Problem(walled(rods((a, b, 0.6)), walls), 0.01)
+    problem = Problem(walled(rods(start=(a, b, 0.6)), walls), 0.01)
     run, exact = ExudynEngine(timestep=1e-3).simulate(problem), solve(problem)
     assert run.release_times == exact.release_times
     start = exact.trajectory(np.zeros(1))
@@ -245,7 +203,7 @@ def test_limits_and_walls_are_decided_at_once(seed: int) -> None:
 
 def on_the_move() -> Mechanism:
     """The rods with speeds that keep the wall touched."""
-    machine = walled(rods(stops=()), {"wall": ("lower", (0.8, 0.3), 0.4)})
+    machine = walled(rods_on_a_slot(start=(0.5, -0.4, 0.6), **RODS), {"wall": ("lower", (0.8, 0.3), 0.4)})
     gradient = Kinematics(machine).gap_gradient("wall", np.array(machine.start))
     wanted = np.array([1.0, -2.0, 0.3])
     speeds = wanted - gradient * (gradient @ wanted) / (gradient @ gradient)
@@ -255,7 +213,7 @@ def on_the_move() -> Mechanism:
 WALLED = {
     "a limit and a wall": (walled(rods(), {"wall": ("lower", (0.8, 0.3), -0.4)}), 0.8),
     "on the move": (on_the_move(), 0.3),
-    "a loop of pins": (four_bar(), 1.0),
+    "a loop of pins": (four_bar_on_a_wall(), 1.0),
 }
 
 
@@ -271,7 +229,7 @@ def test_walls_of_any_tilt_and_loops_are_of_order_two(name: str) -> None:
         reactions = [
             np.abs(run.joint_reactions[n] - there.joint_reactions[n])[early].max() for n in run.joint_reactions
         ]
-        off.append([error(run, exact, mechanism.markers[0].name), forces_off(run, exact), *reactions])
+        off.append([position_error(run, exact, mechanism.markers[0].name), forces_off(run, exact), *reactions])
         for stop, time in exact.release_times.items():
             assert run.release_time(stop) == (None if time is None else pytest.approx(time, abs=0.1 * step))
     assert np.divide(*off) == pytest.approx(4.0, rel=0.2)
@@ -281,27 +239,11 @@ def test_walls_of_any_tilt_and_loops_are_of_order_two(name: str) -> None:
 # Under the unilateral law.
 
 
-def bob_over_floor(restitution: float, depth: float = 1.2) -> Mechanism:
-    """A point mass on a weightless rod, let go level above a floor."""
-    floor = PointStop(
-        name="floor", body="bob", point=(2, 0), normal=(0, 1), offset=-depth, closed=False, restitution=restitution
-    )
-    return Mechanism(
-        name="bob",
-        bodies=(Body(name="bob", angle="b", mass=3, centre=(2, 0), inertia=0),),
-        joints=(PinJoint(name="pivot", parent=GROUND, child="bob", parent_point=(0, 0), child_point=(0, 0)),),
-        stops=(floor,),
-        markers=(Marker(name="bob", body="bob", point=(2, 0)),),
-        gravity=G,
-        start=(0,),
-    )
-
-
 @pytest.mark.parametrize("e", [0.0, 0.6, 1.0])
 def test_a_bob_falls_on_a_floor(e: float) -> None:
     """It arrives with sqrt(2 g depth) along its circle; a rebound reaches e^2 of the height."""
     depth, step = 1.2, 5e-4
-    run = ExudynEngine(timestep=step).simulate(Problem(bob_over_floor(e), 1.5, stop_law=StopLaw.UNILATERAL))
+    run = ExudynEngine(timestep=step).simulate(Problem(hanging_bob(floor(1.2, e)), 1.5, stop_law=StopLaw.UNILATERAL))
     time, impulses = run.impacts[0]
     along = math.sqrt(1 - (depth / 2) ** 2)
     assert impulses["floor"] == pytest.approx((1 + e) * 3 * math.sqrt(2 * G * depth) / along, rel=4 * step**2)
@@ -315,7 +257,7 @@ def test_a_bob_falls_on_a_floor(e: float) -> None:
 
 def test_rebounds_that_follow_each_other_ever_faster_come_to_rest() -> None:
     """Each impact in its place, and then the weight on the floor."""
-    problem = Problem(bob_over_floor(0.5), 3.0, stop_law=StopLaw.UNILATERAL)
+    problem = Problem(hanging_bob(floor(1.2, 0.5)), 3.0, stop_law=StopLaw.UNILATERAL)
     run, exact = ExudynEngine(timestep=1e-3).simulate(problem), solve(problem)
     assert abs(len(run.impacts) - len(exact.impacts)) <= 3  # of which the last are of micrometres per second
     for (mine, _), (theirs, _) in zip(run.impacts[:10], exact.impacts[:10], strict=True):
@@ -361,7 +303,7 @@ def test_what_lifts_off_falls_back_and_stands_again() -> None:
         times = [abs(mine - theirs) for (mine, _), (theirs, _) in pairs]
         impulses = [abs(mine["floor"] - theirs["floor"]) for (_, mine), (_, theirs) in pairs]
         released = abs((run.release_time("floor") or math.nan) - (exact.release_times["floor"] or math.nan))
-        off.append([*times, *impulses, released, error(run, exact, "end")])
+        off.append([*times, *impulses, released, position_error(run, exact, "end")])
     assert np.divide(*off) == pytest.approx(4.0, rel=0.2)
 
 
@@ -390,7 +332,7 @@ def test_a_wall_as_a_spring_is_off_by_its_softness(name: str) -> None:
         ExudynEngine(timestep=step, stop_stiffness=stiffness).simulate(exact.problem) for stiffness in (1e5, 1e7)
     )
     there = exact.trajectory(soft.t)
-    assert math.log10(error(soft, exact) / error(stiff, exact)) / 2 == pytest.approx(1.0, abs=0.1)
+    assert math.log10(position_error(soft, exact) / position_error(stiff, exact)) / 2 == pytest.approx(1.0, abs=0.1)
     assert soft.stop_torque("trough")[0] == pytest.approx(there.stop_torque("trough")[0], rel=1e-9)
 
 
@@ -410,7 +352,7 @@ def test_impacts_without_end_are_given_up(monkeypatch: pytest.MonkeyPatch) -> No
     from trebucheck.engines.exudyn import unilateral as module
 
     monkeypatch.setattr(module, "_MOST_IMPACTS", 3)
-    problem = Problem(bob_over_floor(1.0), 4.0, stop_law=StopLaw.UNILATERAL)
+    problem = Problem(hanging_bob(floor(1.2, 1.0)), 4.0, stop_law=StopLaw.UNILATERAL)
     with pytest.raises(SimulationError, match=r"^exudyn gave up at t = .* s: 3 impacts, and no end\.$"):
         ExudynEngine(timestep=1e-2).simulate(problem)
 

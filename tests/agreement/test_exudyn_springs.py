@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from mechanisms import TABLE_ONE, position_error, table_one_motion
 from scipy import stats
-from table_one import MACHINES, error, reference
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.models.errors import InputError
 from trebucheck.models.machines.parameters import TrebuchetParameters
@@ -32,14 +32,14 @@ def to_launch(mechanism: Mechanism) -> Solution:
 def errors(exact: Solution, stiffnesses: list[float]) -> list[float]:
     """Of the projectile's position [m], by stiffness."""
     engines = [ExudynEngine(timestep=STEP, stop_stiffness=stiffness) for stiffness in stiffnesses]
-    return [error(engine.simulate(exact.problem), exact) for engine in engines]
+    return [position_error(engine.simulate(exact.problem), exact) for engine in engines]
 
 
-@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize("name", TABLE_ONE)
 def test_the_error_falls_with_the_stiffness(name: str) -> None:
     """A preloaded spring lets go at a gap of torque / stiffness, so the error's exponent is -1."""
     stiffnesses = np.geomspace(SOFTEST, STIFFEST, 5)
-    fit = stats.linregress(np.log(stiffnesses), np.log(errors(reference(name), stiffnesses.tolist())))
+    fit = stats.linregress(np.log(stiffnesses), np.log(errors(table_one_motion(name), stiffnesses.tolist())))
     assert fit.slope == pytest.approx(-1.0, abs=0.1)
     assert stats.t.ppf(0.975, df=3) * fit.stderr <= 0.1  # one line through all of them, not a bend
 
@@ -56,9 +56,9 @@ def test_the_law_is_not_table_ones(name: str) -> None:
     assert np.log(stiff / soft) / np.log(STIFFEST / SOFTEST) == pytest.approx(-1.0, abs=0.1)
 
 
-@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize("name", TABLE_ONE)
 def test_springs_start_in_balance_and_let_go_where_nothing_is_left(name: str) -> None:
-    exact, stiffness = reference(name), 1e9
+    exact, stiffness = table_one_motion(name), 1e9
     run = ExudynEngine(timestep=STEP, stop_stiffness=stiffness).simulate(exact.problem)
     there = exact.trajectory(run.t)
     for rest in RESTS:
@@ -74,17 +74,17 @@ def test_springs_start_in_balance_and_let_go_where_nothing_is_left(name: str) ->
     assert gap == pytest.approx(run.stop_torque(HANGER_REST)[0] / stiffness, rel=0.02)
 
 
-@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize("name", TABLE_ONE)
 def test_the_stiffest_springs_are_as_good_as_constraints(name: str) -> None:
     """Also where the rounding of a stiff spring's force is far above the tolerance of Newton's residual."""
-    exact = reference(name)
-    held = error(ExudynEngine(timestep=STEP).simulate(exact.problem), exact)
+    exact = table_one_motion(name)
+    held = position_error(ExudynEngine(timestep=STEP).simulate(exact.problem), exact)
     assert errors(exact, [1e13])[0] == pytest.approx(held, rel=0.05)
 
 
 def test_undamped_springs_ring_and_let_go_at_the_wrong_time() -> None:
     """Why they are damped: the hanger's release sets the sling's spring swinging."""
-    exact = reference("fixed")
+    exact = table_one_motion("fixed")
     time = exact.release_times[SLING_REST]
     assert time is not None
     off: list[float] = []

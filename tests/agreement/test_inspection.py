@@ -13,11 +13,12 @@ import pytest
 import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given
+from mechanisms import OBLIQUE_SLOT, chain
 from trebucheck.comparisons.equivalence.random_states import random_states
 from trebucheck.engines.inspection import Inspectable, Inspection, State
 from trebucheck.models.errors import SimulationError, UnsupportedProblemError
 from trebucheck.models.machines.trebuchet import HANGER_REST, SLING_REST
-from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, SlotJoint, Stop
+from trebucheck.models.mechanism import GROUND, Body, Mechanism, PinJoint, Stop
 from trebucheck.models.mjcf.writer import mjcf
 from trebucheck.reference.equations import Equations
 
@@ -171,29 +172,11 @@ def test_states_do_not_depend_on_each_other(build: Callable[..., Mechanism], eng
 # --- Machines of other kinds ------------------------------------------------------------------------------------
 
 
-def two_bodies(**changes: object) -> Mechanism:
-    """Bodies with inertia, off every axis, on a hook that is not the world's origin; moving at the start."""
-    fields: dict[str, object] = {
-        "name": "two bodies",
-        "bodies": (
-            Body(name="upper", angle="a", mass=1, centre=(0.5, 0.1), inertia=0.1),
-            Body(name="lower", angle="b", mass=2, centre=(0.4, -0.5), inertia=0.3),
-        ),
-        "joints": (
-            PinJoint(name="hook", parent=GROUND, child="upper", parent_point=(0.3, 2), child_point=(0, 0)),
-            PinJoint(name="pin", parent="upper", child="lower", parent_point=(1, 0), child_point=(0, 0.1)),
-        ),
-        "markers": (Marker(name="tip", body="lower", point=(0.1, -1.5)),),
-        "gravity": 3.7,
-        "start": (0.3, 0.2),
-        "start_speeds": (1.0, -2.0),
-    }
-    return Mechanism(**(fields | changes))
+def two_bodies(*stops: Stop, **changes: Any) -> Mechanism:
+    """The chain with other inertias, on a weaker planet."""
+    return chain(*stops, inertias=(0.1, 0.3), hook=(0, 0), **({"gravity": 3.7} | changes))
 
 
-SLOT = SlotJoint(
-    name="hook", child="upper", parent_point=(1, 2), child_point=(0.1, 0.1), axis=(0.8, 0.6), coordinate="s"
-)
 THIRD = Body(name="third", angle="c", mass=1, centre=(0.2, 0), inertia=0.02)
 LAST = PinJoint(name="last", parent="lower", child="third", parent_point=(0.9, -0.1), child_point=(0, 0))
 BOB = Body(name="bob", angle="a", mass=2, centre=(0.3, 0.4), inertia=0)
@@ -204,7 +187,7 @@ LEVEL = Stop(name="level", body="lower", sense=1, limit=0.2, closed=True)
 OTHERS = {
     "two bodies": two_bodies(),
     "an oblique slot": two_bodies(
-        joints=(SLOT, two_bodies().joints[1]), start=(0.3, 0.2, 0.4), start_speeds=(1.0, -2.0, 0.7)
+        joints=(OBLIQUE_SLOT, two_bodies().joints[1]), start=(0.3, 0.2, 0.4), start_speeds=(1.0, -2.0, 0.7)
     ),
     "three bodies": two_bodies(
         bodies=(*two_bodies().bodies, THIRD),
@@ -212,8 +195,8 @@ OTHERS = {
         start=(0.3, 0.2, 0.5),
         start_speeds=(1.0, -2.0, 0.3),
     ),
-    "a stop named from the inner body": two_bodies(stops=(BETWEEN,), start_speeds=()),
-    "a stop on the ground, two bodies away": two_bodies(stops=(LEVEL,), start_speeds=()),
+    "a stop named from the inner body": two_bodies(BETWEEN, start_speeds=()),
+    "a stop on the ground, two bodies away": two_bodies(LEVEL, start_speeds=()),
     "a bob resting on the ground": two_bodies(
         bodies=(BOB,),
         joints=(STRING,),

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from table_one import MACHINES, error, reference
+from mechanisms import TABLE_ONE, chain, chain_on_a_slot, position_error, rod_pendulum, table_one_motion
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.reference.engine import ReferenceEngine
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
 from trebucheck.models.machines.parameters import TrebuchetParameters
 from trebucheck.models.machines.trebuchet import ARM_STOP, HANGER_REST, PROJECTILE, SLING_REST, fixed, rolling
-from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, SlotJoint, Stop
+from trebucheck.models.mechanism import Mechanism, Stop
 from trebucheck.models.mjcf.writer import mjcf
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.trajectory import Trajectory
@@ -27,54 +27,19 @@ mujoco: Any = pytest.importorskip("mujoco")
 
 RESTS = (HANGER_REST, SLING_REST)
 STEPS = np.array([1e-2, 4e-3, 1e-3, 2.5e-4])
-machines = pytest.mark.parametrize("name", MACHINES)
+machines = pytest.mark.parametrize("name", TABLE_ONE)
 
 
 @functools.cache
 def run(name: str, timestep: float = 1e-3, preset: str = "tuned", **options: object) -> Trajectory:
     """Table I up to the launch."""
-    return MujocoEngine.presets()[preset](timestep=timestep, **options).simulate(reference(name).problem)
-
-
-def chain(**changes: object) -> Mechanism:
-    """Two bodies off every axis, hung from a point that is not the world's origin, moving at the start."""
-    fields: dict[str, object] = {
-        "name": "chain",
-        "bodies": (
-            Body(name="upper", angle="a", mass=1, centre=(0.5, 0.1), inertia=0.1),
-            Body(name="lower", angle="b", mass=2, centre=(0.4, -0.5), inertia=0.2),
-        ),
-        "joints": (
-            PinJoint(name="hook", parent=GROUND, child="upper", parent_point=(0.3, 2), child_point=(0.1, 0.2)),
-            PinJoint(name="pin", parent="upper", child="lower", parent_point=(1, 0), child_point=(0, 0.1)),
-        ),
-        "markers": (Marker(name="tip", body="lower", point=(0.1, -1.5)), Marker(name="peg", body=GROUND, point=(1, 2))),
-        "gravity": 9.81,
-        "start": (0.3, 0.2),
-        "start_speeds": (1.0, -2.0),
-    }
-    return Mechanism(**(fields | changes))
-
-
-def oblique_slot() -> Mechanism:
-    """The chain on a slot that goes uphill."""
-    slot = SlotJoint(
-        name="hook", child="upper", parent_point=(1, 2), child_point=(0.1, 0.1), axis=(0.8, 0.6), coordinate="s"
-    )
-    return chain(joints=(slot, chain().joints[1]), start=(0.3, 0.2, 0.4), start_speeds=(1.0, -2.0, 0.7))
-
-
-def pendulum(*stops: Stop, start: float = 0.0) -> Mechanism:
-    """A rod that falls clockwise."""
-    rod = Body(name="rod", angle="a", mass=2.0, centre=(1, 0), inertia=0.5)
-    pin = PinJoint(name="pin", parent=GROUND, child="rod", parent_point=(0, 0), child_point=(0, 0))
-    return Mechanism(name="pendulum", bodies=(rod,), joints=(pin,), stops=stops, gravity=9.81, start=(start,))
+    return MujocoEngine.presets()[preset](timestep=timestep, **options).simulate(table_one_motion(name).problem)
 
 
 # --- Is it the same machine? ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mechanism", [*MACHINES.values(), oblique_slot()], ids=lambda m: m.name)
+@pytest.mark.parametrize("mechanism", [*TABLE_ONE.values(), chain_on_a_slot()], ids=lambda m: m.name)
 def test_mass_matrix_and_accelerations_at_random_states(mechanism: Mechanism) -> None:
     model = mujoco.MjModel.from_xml_string(mjcf(mechanism))
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
@@ -98,7 +63,7 @@ def test_mass_matrix_and_accelerations_at_random_states(mechanism: Mechanism) ->
         assert sums @ data.qacc == pytest.approx(accelerations, rel=1e-9, abs=1e-9 * np.abs(accelerations).max())
 
 
-@pytest.mark.parametrize("mechanism", [chain(), oblique_slot()], ids=["chain", "slot"])
+@pytest.mark.parametrize("mechanism", [chain(), chain_on_a_slot()], ids=["chain", "slot"])
 def test_a_mechanism_off_every_axis(mechanism: Mechanism) -> None:
     problem = Problem(mechanism, 0.5)
     found = MujocoEngine(timestep=1e-3).simulate(problem)
@@ -119,9 +84,9 @@ def test_a_mechanism_off_every_axis(mechanism: Mechanism) -> None:
 
 @machines
 def test_tuned_keeps_its_bars_at_a_millisecond(name: str) -> None:
-    trajectory, exact = run(name), reference(name)
+    trajectory, exact = run(name), table_one_motion(name)
     there = exact.trajectory(trajectory.t)
-    assert error(trajectory, exact) <= 1e-7
+    assert position_error(trajectory, exact) <= 1e-7
     for rest in RESTS:
         released = exact.release_times[rest]
         assert trajectory.release_time(rest) == pytest.approx(released, abs=1e-8)
@@ -134,27 +99,27 @@ def test_tuned_keeps_its_bars_at_a_millisecond(name: str) -> None:
 
 @machines
 def test_tuned_launch_speed(name: str) -> None:
-    exact = solve(Problem(MACHINES[name], 2.8))
+    exact = solve(Problem(TABLE_ONE[name], 2.8))
     launch = run_past_launch(name).launch()
     assert launch is not None and exact.launch is not None
     assert launch.speed == pytest.approx(exact.launch.speed, abs=3e-7)
 
 
 def run_past_launch(name: str) -> Trajectory:
-    return MujocoEngine().simulate(Problem(MACHINES[name], 2.8))
+    return MujocoEngine().simulate(Problem(TABLE_ONE[name], 2.8))
 
 
 @machines
 def test_tuned_is_of_second_order(name: str) -> None:
     """The softness of the stops is scaled with the step, and nothing else is as large."""
-    errors = [error(run(name, step), reference(name)) for step in STEPS]
+    errors = [position_error(run(name, step), table_one_motion(name)) for step in STEPS]
     assert np.polyfit(np.log(STEPS), np.log(errors), 1)[0] == pytest.approx(2.0, abs=0.1)
 
 
 @machines
 def test_reactions_are_those_of_the_reference(name: str) -> None:
     trajectory = run(name)
-    there = reference(name).trajectory(trajectory.t)
+    there = table_one_motion(name).trajectory(trajectory.t)
     for joint, force in there.joint_reactions.items():
         # Forces follow the accelerations: as good as the torques, relative to their own peak.
         assert trajectory.joint_reaction(joint) == pytest.approx(force, abs=1e-7 * np.abs(force).max())
@@ -168,7 +133,7 @@ def test_reactions_are_those_of_the_reference(name: str) -> None:
 @machines
 def test_stock_is_held_back_by_its_soft_limits(name: str) -> None:
     """Millimetres, and no better at a tenth of the step: d = 0.9 to 0.95, not the step, is what costs."""
-    coarse, fine = (error(run(name, step, "stock"), reference(name)) for step in (1e-3, 2e-4))
+    coarse, fine = (position_error(run(name, step, "stock"), table_one_motion(name)) for step in (1e-3, 2e-4))
     assert 1e-3 < fine < 1e-2
     assert coarse == pytest.approx(fine, rel=0.02)
 
@@ -178,7 +143,7 @@ def test_stock_is_held_back_by_its_soft_limits(name: str) -> None:
 
 @machines
 def test_torques_are_right_from_the_start(name: str) -> None:
-    expected = {rest: reference(name).trajectory(np.zeros(1)).stop_torque(rest)[0] for rest in RESTS}
+    expected = {rest: table_one_motion(name).trajectory(np.zeros(1)).stop_torque(rest)[0] for rest in RESTS}
     loose = run(name, preload=False)
     for rest in RESTS:
         assert run(name).stop_torque(rest)[0] == pytest.approx(expected[rest], rel=1e-9)
@@ -196,7 +161,7 @@ def test_a_margin_of_zero_misses_the_start() -> None:
 def test_releases_are_located_inside_a_step(name: str) -> None:
     coarse, rough = run(name, 1e-2), run(name, 1e-2, locate_releases=False)
     for rest in RESTS:
-        exact = reference(name).release_times[rest]
+        exact = table_one_motion(name).release_times[rest]
         assert exact is not None
         assert coarse.release_time(rest) == pytest.approx(exact, abs=1e-7)  # 1e-5 of the step
         assert coarse.release_time(rest) in coarse.t
@@ -252,7 +217,7 @@ def test_a_divergence_is_told_and_leaves_no_log(tmp_path: Path, monkeypatch: pyt
 def test_its_description_needs_no_mujoco() -> None:
     code = (
         "import sys; sys.modules['mujoco'] = None\n"
-        "from trebucheck.engines.mujoco_ import MujocoEngine\n"
+        "from trebucheck.engines.mujoco.engine import MujocoEngine\n"
         "MujocoEngine.stock(), MujocoEngine.version(), MujocoEngine.capabilities"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
@@ -273,7 +238,7 @@ def test_wrong_options_are_refused(options: dict[str, object]) -> None:
 def test_a_stop_on_the_ground_two_bodies_away() -> None:
     """A limit on a tendon: the lower body rests on the ground's angle while the upper one swings."""
     level = Stop(name="level", body="lower", sense=1, limit=0.2, closed=True)
-    problem = Problem(chain(stops=(level,), start_speeds=()), 0.4)
+    problem = Problem(chain(level, start_speeds=()), 0.4)
     found, exact = MujocoEngine().simulate(problem), solve(problem)
     there = exact.trajectory(found.t)
     assert there.stop_torque("level")[0] > 0
@@ -288,7 +253,7 @@ def test_unilateral_comes_to_rest_on_a_stop() -> None:
     """Two stops at the two ends of one joint: the one that is met carries the weight, the other nothing."""
     met = Stop(name="met", body="rod", sense=-1, limit=-1.0, closed=False)
     left = Stop(name="left", body="rod", sense=1, limit=0.0, closed=True)
-    problem = Problem(pendulum(met, left), 2.0, stop_law=StopLaw.UNILATERAL)
+    problem = Problem(rod_pendulum(met, left), 2.0, stop_law=StopLaw.UNILATERAL)
     found = MujocoEngine().simulate(problem)
     exact = ReferenceEngine().simulate(problem)
     assert found.release_times == {"met": None, "left": 0.0} == exact.release_times
@@ -299,7 +264,7 @@ def test_unilateral_comes_to_rest_on_a_stop() -> None:
 
 def test_under_release_once_an_open_stop_never_acts() -> None:
     met = Stop(name="met", body="rod", sense=-1, limit=-1.0, closed=False)
-    once = Problem(pendulum(met), 1.0)
+    once = Problem(rod_pendulum(met), 1.0)
     assert MujocoEngine().simulate(once).q.max() > 2.0
     # Stock leaves the limits in, and says so.
     assert MujocoEngine.stock().simulate(once).q.max() < 1.1
@@ -307,8 +272,8 @@ def test_under_release_once_an_open_stop_never_acts() -> None:
 
 @machines
 def test_both_laws_agree_up_to_the_launch(name: str) -> None:
-    problem = Problem(MACHINES[name], 2.5, stop_law=StopLaw.UNILATERAL)
-    once, always = (MujocoEngine().simulate(p) for p in (Problem(MACHINES[name], 2.5), problem))
+    problem = Problem(TABLE_ONE[name], 2.5, stop_law=StopLaw.UNILATERAL)
+    once, always = (MujocoEngine().simulate(p) for p in (Problem(TABLE_ONE[name], 2.5), problem))
     assert always.release_times == pytest.approx(once.release_times, abs=1e-8)
     assert always.release_time(ARM_STOP) is None
     assert always.marker(PROJECTILE).position[-1] == pytest.approx(once.marker(PROJECTILE).position[-1], abs=1e-7)
@@ -317,4 +282,4 @@ def test_both_laws_agree_up_to_the_launch(name: str) -> None:
 def test_a_closed_stop_must_not_move_at_the_start() -> None:
     level = Stop(name="level", body="lower", sense=1, limit=0.2, closed=True)
     with pytest.raises(UnsupportedProblemError, match="level"):
-        MujocoEngine().simulate(Problem(chain(stops=(level,)), 0.1))
+        MujocoEngine().simulate(Problem(chain(level), 0.1))

@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mechanisms import chain
 from trebucheck.models.errors import InputError, UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.machines.parameters import TrebuchetParameters
 from trebucheck.models.machines.registry import model, models
 from trebucheck.models.machines.trebuchet import fixed, rolling
-from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint, Stop
+from trebucheck.models.mechanism import GROUND, Body, Mechanism, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.mjcf import writer as mjcf_writer
 from trebucheck.models.mjcf.writer import FAR, MODEL_FILE, SCENE_FILE, mjcf, scene, write_model_folder
 
@@ -27,24 +28,9 @@ def committed(name: str) -> Path:
     return Path(str(files("trebucheck.models"))) / "mjcf" / name
 
 
-def chain(stops: tuple[Stop, ...], **changes: object) -> Mechanism:
-    """Two pinned bodies at 0.3 and 0.5 rad."""
-    fields: dict[str, object] = {
-        "name": "chain",
-        "bodies": (
-            Body(name="upper", angle="a", mass=1, centre=(0.5, 0.1), inertia=0.1),
-            Body(name="lower", angle="b", mass=2, centre=(0.4, -0.5), inertia=0.2),
-        ),
-        "joints": (
-            PinJoint(name="hook", parent=GROUND, child="upper", parent_point=(0.3, 2), child_point=(0.1, 0)),
-            PinJoint(name="pin", parent="upper", child="lower", parent_point=(1, 0), child_point=(0, 0.1)),
-        ),
-        "stops": stops,
-        "markers": (Marker(name="tip", body="lower", point=(0.1, -1.5)), Marker(name="peg", body=GROUND, point=(1, 2))),
-        "gravity": 9.81,
-        "start": (0.3, 0.5),
-    }
-    return Mechanism(**(fields | changes))
+def chain_of(stops: tuple[Stop | PointStop, ...], **changes: object) -> Mechanism:
+    """The chain, at rest at 0.3 and 0.5 rad."""
+    return chain(*stops, hook=(0.1, 0), **({"start": (0.3, 0.5), "start_speeds": ()} | changes))
 
 
 def parsed(mechanism: Mechanism) -> ET.Element:
@@ -99,7 +85,7 @@ def test_a_closed_stop_starts_exactly_at_its_limit(name: str) -> None:
 def test_two_stops_share_the_two_ends_of_a_joint() -> None:
     low = Stop(name="low", body="lower", relative_to="upper", sense=1, limit=0.5 - 0.3, closed=True)
     high = Stop(name="high", body="lower", relative_to="upper", sense=-1, limit=-1.2, closed=False)
-    root = parsed(chain((low, high)))
+    root = parsed(chain_of((low, high)))
     assert limit_of(root, "joint", "pin") == (0.0, pytest.approx(1.0, abs=1e-15))
     assert root.find("tendon") is None
 
@@ -109,7 +95,7 @@ def test_stops_that_no_joint_can_hold_become_tendons() -> None:
     first = Stop(name="first", body="upper", sense=1, limit=0.3, closed=True)
     second = Stop(name="second", body="upper", sense=1, limit=0.2, closed=False)
     clamp = Stop(name="clamp", body="upper", sense=-1, limit=-0.3, closed=True)
-    root = parsed(chain((on_ground, first, second, clamp)))
+    root = parsed(chain_of((on_ground, first, second, clamp)))
     assert {e.get("name") for e in root.iter("fixed")} == {"level", "second", "clamp"}
     assert limit_of(root, "fixed", "level") == (pytest.approx(-0.1, abs=1e-15), FAR)
     level = next(e for e in root.iter("fixed") if e.get("name") == "level")
@@ -122,8 +108,8 @@ def test_a_stop_between_branches_counts_both_ways() -> None:
     twin = Body(name="twin", angle="c", mass=1, centre=(1, 0), inertia=0.1)
     joint = PinJoint(name="twin pin", parent="upper", child="twin", parent_point=(1, 0), child_point=(0, 0))
     stop = Stop(name="between", body="lower", relative_to="twin", sense=1, limit=0.0, closed=False)
-    base = chain(())
-    root = parsed(chain((stop,), bodies=(*base.bodies, twin), joints=(*base.joints, joint), start=(0.3, 0.5, 0.4)))
+    base = chain_of(())
+    root = parsed(chain_of((stop,), bodies=(*base.bodies, twin), joints=(*base.joints, joint), start=(0.3, 0.5, 0.4)))
     assert {(e.get("joint"), e.get("coef")) for e in root.iter("fixed").__next__()} == {
         ("pin", "1"),
         ("twin pin", "-1"),
@@ -134,7 +120,9 @@ def test_start_speeds_are_relative_and_slides_come_first() -> None:
     slot = SlotJoint(
         name="hook", child="upper", parent_point=(0.3, 2), child_point=(0.1, 0), axis=(0.8, 0.6), coordinate="s"
     )
-    root = parsed(chain((), joints=(slot, chain(()).joints[1]), start=(0.3, 0.5, 0.7), start_speeds=(1.0, 3.0, 0.25)))
+    root = parsed(
+        chain_of((), joints=(slot, chain_of(()).joints[1]), start=(0.3, 0.5, 0.7), start_speeds=(1.0, 3.0, 0.25))
+    )
     key = next(root.iter("key"))
     assert key.get("qvel") == "0.25 1 2"
     axis = next(e for e in root.iter("joint") if e.get("name") == "hook/slide").attrib["axis"]
@@ -168,11 +156,11 @@ def by_name(root: ET.Element, tag: str, name: str) -> ET.Element:
 
 
 def test_a_stop_on_a_point_is_a_ball_that_rests_on_a_plane() -> None:
-    tip = _place(chain(()), "lower", (0.1, -1.5))
+    tip = _place(chain_of(()), "lower", (0.1, -1.5))
     normal = (0.6, 0.8)
     offset = normal[0] * tip[0] + normal[1] * tip[1]
     stop = PointStop(name="wall", body="lower", point=(0.1, -1.5), normal=normal, offset=offset, closed=True)
-    root = parsed(chain((stop,)))
+    root = parsed(chain_of((stop,)))
     radius = floats(by_name(root, "geom", "wall/ball").get("size"))[0]
     plane = by_name(root, "geom", "wall/wall")
     assert floats(plane.get("zaxis")) == [0.6, 0.0, 0.8]
@@ -193,9 +181,9 @@ def _place(mechanism: Mechanism, body: str, point: tuple[float, float]) -> tuple
 
 
 def test_a_slot_that_closes_a_loop_is_a_ball_between_two_planes() -> None:
-    at = _place(chain(()), "lower", (0.5, 0.2))
+    at = _place(chain_of(()), "lower", (0.5, 0.2))
     slot = SlotJoint(name="rail", child="lower", parent_point=at, child_point=(0.5, 0.2), axis=(0.8, -0.6))
-    root = ET.fromstring(mjcf(chain((), joints=(*chain(()).joints, slot)), 1e-3))
+    root = ET.fromstring(mjcf(chain_of((), joints=(*chain_of(()).joints, slot)), 1e-3))
     left, right = (by_name(root, "geom", f"rail/{side}/wall") for side in ("left", "right"))
     assert floats(left.get("zaxis")) == [-0.6, 0.0, -0.8] and floats(right.get("zaxis")) == [0.6, 0.0, 0.8]
     # The ball fills the room between them.
@@ -203,7 +191,7 @@ def test_a_slot_that_closes_a_loop_is_a_ball_between_two_planes() -> None:
     assert apart == pytest.approx(2 * floats(by_name(root, "geom", "rail/ball").get("size"))[0], abs=1e-15)
     margins = {float(pair.attrib["margin"]) for pair in root.iter("pair") if pair.get("name")}
     # Both are pressed in by the same, and by a hundredth of it at a tenth of the step.
-    finer = ET.fromstring(mjcf(chain((), joints=(*chain(()).joints, slot)), 1e-4))
+    finer = ET.fromstring(mjcf(chain_of((), joints=(*chain_of(()).joints, slot)), 1e-4))
     assert len(margins) == 1
     assert float(by_name(finer, "pair", "rail/left").attrib["margin"]) == pytest.approx(0.01 * margins.pop())
     assert by_name(root, "force", "rail/force").get("site") == "rail/joint"
@@ -211,7 +199,7 @@ def test_a_slot_that_closes_a_loop_is_a_ball_between_two_planes() -> None:
 
 def test_a_pin_that_closes_a_loop_ties_two_sites() -> None:
     closing = PinJoint(name="loop pin", parent=GROUND, child="lower", parent_point=(1, 1), child_point=(0.2, 0.3))
-    root = parsed(chain((), joints=(*chain(()).joints, closing)))
+    root = parsed(chain_of((), joints=(*chain_of(()).joints, closing)))
     tie = by_name(root, "connect", "loop pin")
     assert (tie.get("site1"), tie.get("site2")) == ("loop pin/joint", "loop pin/anchor")
     assert floats(by_name(root, "site", "loop pin/anchor").get("pos")) == [1.0, 0.0, 1.0]
@@ -222,10 +210,10 @@ def test_a_pin_that_closes_a_loop_ties_two_sites() -> None:
 def test_what_cannot_be_written_says_so() -> None:
     itself = Stop(name="itself", body="upper", relative_to="upper", sense=1, limit=-1.0, closed=False)
     with pytest.raises(UnsupportedProblemError, match="itself"):
-        mjcf(chain((itself,)))
+        mjcf(chain_of((itself,)))
     still = PointStop(name="still", body=GROUND, point=(0, 1), normal=(0, 1), offset=0.0, closed=False)
     with pytest.raises(UnsupportedProblemError, match="still"):
-        mjcf(chain((still,)))
+        mjcf(chain_of((still,)))
 
 
 @pytest.mark.parametrize("timestep", [0.0, -1e-3, math.nan, math.inf])

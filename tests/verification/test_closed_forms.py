@@ -9,6 +9,7 @@ import pytest
 import trebucheck as tb
 from hypothesis import given
 from hypothesis import strategies as st
+from mechanisms import hanging_bob, slider_crank
 from scipy.special import ellipk
 from trebucheck.reference.complementarity import solve_lcp
 from trebucheck.reference.equations import Equations
@@ -17,24 +18,11 @@ from trebucheck.reference.solver import solve
 G = 9.81
 
 
-def pendulum(start: float, stops: tuple[tb.Stop, ...] = (), length: float = 2.0, inertia: float = 0.0) -> tb.Mechanism:
-    """A point mass on a massless rod; angle 0 points along +x, pi/2 straight down."""
-    return tb.Mechanism(
-        name="pendulum",
-        bodies=(tb.Body(name="bob", angle="beta", mass=3.0, centre=(length, 0), inertia=inertia),),
-        joints=(tb.PinJoint(name="pivot", parent="ground", child="bob", parent_point=(0, 0), child_point=(0, 0)),),
-        stops=stops,
-        markers=(tb.Marker(name="bob", body="bob", point=(length, 0)),),
-        gravity=G,
-        start=(start,),
-    )
-
-
 @pytest.mark.parametrize("swing", [0.1, 1.0, 2.5])
 def test_period_of_a_pendulum(swing: float) -> None:
     """T = 4 sqrt(l/g) K(sin^2(swing/2)): after half of it the bob stands at rest on the other side."""
     half = 2 * math.sqrt(2.0 / G) * float(ellipk(math.sin(swing / 2) ** 2))
-    solution = solve(tb.Problem(pendulum(math.pi / 2 - swing), duration=half))
+    solution = solve(tb.Problem(hanging_bob(start=math.pi / 2 - swing), duration=half))
     motion = solution.motion(np.array([half]))
     assert motion.q[0, 0] == pytest.approx(math.pi / 2 + swing, abs=1e-11)
     assert motion.u[0, 0] == pytest.approx(0.0, abs=1e-10)
@@ -44,7 +32,7 @@ def test_pin_force_of_a_pendulum_at_its_lowest() -> None:
     """m g (3 - 2 cos(swing)) upwards."""
     swing = 1.2
     quarter = math.sqrt(2.0 / G) * float(ellipk(math.sin(swing / 2) ** 2))
-    solution = solve(tb.Problem(pendulum(math.pi / 2 - swing), duration=2.0))
+    solution = solve(tb.Problem(hanging_bob(start=math.pi / 2 - swing), duration=2.0))
     force = solution.trajectory(np.array([quarter])).joint_reaction("pivot")[0]
     assert force == pytest.approx([0.0, 3.0 * G * (3 - 2 * math.cos(swing))], abs=1e-8)
 
@@ -52,7 +40,7 @@ def test_pin_force_of_a_pendulum_at_its_lowest() -> None:
 def test_torque_of_a_rest_that_holds_a_rod() -> None:
     """A rod held level by a rest carries m g l, and stays."""
     rest = tb.Stop(name="rest", body="bob", sense=-1, limit=0.0, closed=True)
-    solution = solve(tb.Problem(pendulum(0.0, (rest,)), duration=1.0))
+    solution = solve(tb.Problem(hanging_bob(rest), duration=1.0))
     motion = solution.motion(np.linspace(0, 1, 11))
     assert motion.stop_torques["rest"] == pytest.approx(3.0 * G * 2.0, rel=1e-14)
     assert solution.release_times["rest"] is None
@@ -60,7 +48,7 @@ def test_torque_of_a_rest_that_holds_a_rod() -> None:
 
 def test_a_rest_that_would_have_to_pull_is_gone_at_the_start() -> None:
     rest = tb.Stop(name="rest", body="bob", sense=1, limit=0.0, closed=True)
-    solution = solve(tb.Problem(pendulum(0.0, (rest,)), duration=0.5))
+    solution = solve(tb.Problem(hanging_bob(rest), duration=0.5))
     assert solution.release_times["rest"] == 0.0
     assert solution.motion(np.array([0.5])).q[0, 0] > 0.1
 
@@ -68,7 +56,7 @@ def test_a_rest_that_would_have_to_pull_is_gone_at_the_start() -> None:
 def test_an_inelastic_impact_takes_all_of_one_body_s_energy() -> None:
     """Dropped from level onto a stop straight below: impulse m l sqrt(2 g l), then at rest against the stop."""
     stop = tb.Stop(name="stop", body="bob", sense=-1, limit=-math.pi / 2, closed=False)
-    solution = solve(tb.Problem(pendulum(0.0, (stop,)), duration=2.0, stop_law="unilateral"))
+    solution = solve(tb.Problem(hanging_bob(stop), duration=2.0, stop_law="unilateral"))
     ((time, impulses),) = solution.impacts
     fall = math.sqrt(2.0 / G) * float(ellipk(0.5))
     assert time == pytest.approx(fall, abs=1e-12)
@@ -78,28 +66,14 @@ def test_an_inelastic_impact_takes_all_of_one_body_s_energy() -> None:
 
 def test_release_once_never_closes() -> None:
     stop = tb.Stop(name="stop", body="bob", sense=-1, limit=-math.pi / 2, closed=False)
-    solution = solve(tb.Problem(pendulum(0.0, (stop,)), duration=1.2))
+    solution = solve(tb.Problem(hanging_bob(stop), duration=1.2))
     assert not solution.impacts
     assert solution.motion(np.array([1.2])).q[0, 0] > math.pi / 2 + 0.1
 
 
 def test_a_loop_of_joints_holds() -> None:
     """A crank whose tip runs in a level slot: one loop constraint, the tip stays on the slot's line."""
-    mechanism = tb.Mechanism(
-        name="slider crank",
-        bodies=(
-            tb.Body(name="crank", angle="a", mass=2.0, centre=(0.5, 0), inertia=0.2),
-            tb.Body(name="rod", angle="b", mass=1.0, centre=(1.0, 0), inertia=0.3),
-        ),
-        joints=(
-            tb.PinJoint(name="pivot", parent="ground", child="crank", parent_point=(0, 0), child_point=(0, 0)),
-            tb.PinJoint(name="elbow", parent="crank", child="rod", parent_point=(1, 0), child_point=(0, 0)),
-            tb.SlotJoint(name="slot", child="rod", parent_point=(0, 0), child_point=(2, 0), axis=(1, 0)),
-        ),
-        markers=(tb.Marker(name="tip", body="rod", point=(2, 0)),),
-        gravity=G,
-        start=(-math.pi / 3, math.asin(math.sin(math.pi / 3) / 2)),
-    )
+    mechanism = slider_crank()
     trajectory = solve(tb.Problem(mechanism, duration=2.0)).trajectory(np.linspace(0, 2, 400))
     assert np.abs(trajectory.marker("tip").position[:, 1]).max() < 1e-11
     assert np.abs(trajectory.joint_reaction("slot")[:, 0]).max() < 1e-12

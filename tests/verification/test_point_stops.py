@@ -10,11 +10,11 @@ import pytest
 import trebucheck as tb
 from hypothesis import given
 from hypothesis import strategies as st
+from mechanisms import G, floor, hanging_bob
 from trebucheck.reference.certification.redundant import solve_redundant
 from trebucheck.reference.solver import solve
 from trebucheck.reference.throw.sensitivity_equations import VariationalEquations
 
-G = 9.81
 LENGTH, MASS = 3.0, 7.0
 
 
@@ -78,25 +78,10 @@ def test_a_tilted_wall_is_the_same_in_every_formulation() -> None:
     assert q == pytest.approx(solution.motion(np.array([0.9])).q[0], abs=1e-10)
 
 
-def bob_over_floor(depth: float, restitution: float = 0.0) -> tb.Mechanism:
-    """A pendulum let go from level, and a floor below its pivot."""
-    floor = tb.PointStop(
-        name="floor", body="bob", point=(2.0, 0), normal=(0, 1), offset=-depth, closed=False, restitution=restitution
-    )
-    return tb.Mechanism(
-        name="bob",
-        bodies=(tb.Body(name="bob", angle="beta", mass=3.0, centre=(2.0, 0), inertia=0.0),),
-        joints=(tb.PinJoint(name="pivot", parent="ground", child="bob", parent_point=(0, 0), child_point=(0, 0)),),
-        stops=(floor,),
-        gravity=G,
-        start=(0.0,),
-    )
-
-
 @given(depth=st.floats(0.3, 1.9))
 def test_a_bob_falls_on_a_floor(depth: float) -> None:
     """It arrives with sqrt(2 g depth) along its circle; the floor's impulse has to stop that: m v / (n . t)."""
-    solution = solve(tb.Problem(bob_over_floor(depth), duration=2.0, stop_law="unilateral"))
+    solution = solve(tb.Problem(hanging_bob(floor(depth)), duration=2.0, stop_law="unilateral"))
     ((_, impulses),) = solution.impacts
     along = math.sqrt(1 - (depth / 2.0) ** 2)
     assert impulses["floor"] == pytest.approx(3.0 * math.sqrt(2 * G * depth) / along, rel=1e-10)
@@ -108,7 +93,7 @@ def test_a_bob_falls_on_a_floor(depth: float) -> None:
 def test_a_bob_bounces_on_a_floor() -> None:
     """With e the speed after the first impact is e times that before it: e^2 of the height is reached again."""
     depth, e = 1.0, 0.6
-    solution = solve(tb.Problem(bob_over_floor(depth, e), duration=1.2, stop_law="unilateral"))
+    solution = solve(tb.Problem(hanging_bob(floor(depth, e)), duration=1.2, stop_law="unilateral"))
     (first, _), (second, _) = solution.impacts[:2]
     t = np.linspace(first, second, 2001)
     heights = -2.0 * np.sin(solution.motion(t).q[:, 0])
@@ -133,7 +118,7 @@ def test_taylor_meets_the_same_floor(restitution: float) -> None:
     """The gap is an expression of its own there, found on the series."""
     from trebucheck.reference.taylor.solve import solve_taylor
 
-    problem = tb.Problem(bob_over_floor(1.0, restitution), duration=1.2, stop_law="unilateral")
+    problem = tb.Problem(hanging_bob(floor(1.0, restitution)), duration=1.2, stop_law="unilateral")
     expected, found = solve(problem), solve_taylor(problem)
     assert [t for t, _ in found.impacts[:3]] == pytest.approx([t for t, _ in expected.impacts[:3]], abs=1e-11)
     wall = tb.Problem(ladder(1.0, tilt=0.3), duration=1.0)

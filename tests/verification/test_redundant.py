@@ -13,6 +13,7 @@ import pytest
 import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given
+from mechanisms import slider_crank
 from trebucheck.reference.certification.redundant import RedundantMotion, RedundantSystem, solve_redundant
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
@@ -88,24 +89,14 @@ def test_same_stop_torques_and_markers(table_one: tuple[Solution, RedundantMotio
 
 
 def _slider_crank(moving: bool) -> tb.Mechanism:
-    """A loop: pin, pin, and the rod's tip in a level slot."""
-    a, b = -math.pi / 3, math.asin(math.sin(math.pi / 3) / 2)
+    """A loop: pin, pin, and the rod's tip in a level slot; centres of mass off their axes."""
+    here = slider_crank(centres=((0.5, 0.1), (1.0, -0.2)), markers=())
+    a, b = here.start
     # The tip stays level: cos(a) da + 2 cos(b) db = 0.
-    speeds = (1.5, -1.5 * math.cos(a) / (2 * math.cos(b))) if moving else ()
-    return tb.Mechanism(
-        name="slider crank",
-        bodies=(
-            tb.Body(name="crank", angle="a", mass=2.0, centre=(0.5, 0.1), inertia=0.2),
-            tb.Body(name="rod", angle="b", mass=1.0, centre=(1.0, -0.2), inertia=0.3),
-        ),
-        joints=(
-            tb.PinJoint(name="pivot", parent="ground", child="crank", parent_point=(0, 0), child_point=(0, 0)),
-            tb.PinJoint(name="elbow", parent="crank", child="rod", parent_point=(1, 0), child_point=(0, 0)),
-            tb.SlotJoint(name="slot", child="rod", parent_point=(0, 0), child_point=(2, 0), axis=(1, 0)),
-        ),
-        gravity=9.81,
-        start=(a, b),
-        start_speeds=speeds,
+    return slider_crank(
+        centres=((0.5, 0.1), (1.0, -0.2)),
+        markers=(),
+        start_speeds=(1.5, -1.5 * math.cos(a) / (2 * math.cos(b))) if moving else (),
     )
 
 

@@ -13,6 +13,7 @@ import pytest
 import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import assume, given, settings
+from mechanisms import slider_crank
 from scipy.linalg import null_space
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
@@ -258,34 +259,6 @@ def test_directions_are_the_derivatives_of_the_machine_s_numbers(build: Build, p
             expected = (value - below[number]) / (2 * step)
             # Rounding of the two values, over the step.
             assert direction.get(number, 0.0) == pytest.approx(expected, rel=1e-9, abs=1e-13 * (1 + abs(value)) / step)
-
-
-def slider_crank(length: float = 2.0, tilt: float = 0.0, mass: float = 1.0, gravity: float = 9.81) -> tb.Mechanism:
-    """A crank whose rod's tip runs in a slot through the pivot, tilted: one loop."""
-    crank = -math.pi / 3
-    # Tip on the line: sin(b + tilt) length = -sin(crank + tilt).
-    rod = -math.asin(math.sin(crank + tilt) / length) - tilt
-    return tb.Mechanism(
-        name="slider crank",
-        bodies=(
-            tb.Body(name="crank", angle="a", mass=2.0, centre=(0.5, 0), inertia=0.2),
-            tb.Body(name="rod", angle="b", mass=mass, centre=(1.0, 0), inertia=0.3),
-        ),
-        joints=(
-            tb.PinJoint(name="pivot", parent="ground", child="crank", parent_point=(0, 0), child_point=(0, 0)),
-            tb.PinJoint(name="elbow", parent="crank", child="rod", parent_point=(1, 0), child_point=(0, 0)),
-            tb.SlotJoint(
-                name="slot",
-                child="rod",
-                parent_point=(0, 0),
-                child_point=(length, 0),
-                axis=(math.cos(tilt), math.sin(tilt)),
-            ),
-        ),
-        markers=(tb.Marker(name="tip", body="rod", point=(length, 0)),),
-        gravity=gravity,
-        start=(crank, rod),
-    )
 
 
 def test_a_mechanism_with_a_loop() -> None:

@@ -16,6 +16,7 @@ import pytest
 import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given
+from mechanisms import angle_stop, hanging_bob, slider_crank
 from scipy.special import ellipk
 from trebucheck.reference.solver import solve
 from trebucheck.reference.taylor.solve import launch_batch, solve_taylor, taylor_figures, taylor_launch
@@ -118,22 +119,10 @@ def test_impacts_agree_with_dop853() -> None:
     assert taylor.release_times == pytest.approx(dop853.release_times, abs=RELEASE)
 
 
-def _pendulum(restitution: float, limit: float) -> tb.Mechanism:
-    """A bob let go level, with a stop at `limit`."""
-    return tb.Mechanism(
-        name="pendulum",
-        bodies=(tb.Body(name="bob", angle="beta", mass=3.0, centre=(2.0, 0), inertia=0),),
-        joints=(tb.PinJoint(name="pivot", parent="ground", child="bob", parent_point=(0, 0), child_point=(0, 0)),),
-        stops=(tb.Stop(name="stop", body="bob", sense=-1, limit=-limit, closed=False, restitution=restitution),),
-        gravity=9.81,
-        start=(0.0,),
-    )
-
-
 @needs_heyoka
 def test_a_motion_in_every_fourth_power_of_time_keeps_its_step_short() -> None:
     """From level, theta has t^2, t^6, t^10, ...: of any two neighbouring coefficients both may be zero."""
-    problem = tb.Problem(_pendulum(0.0, math.pi / 2), duration=2.0, stop_law="unilateral")
+    problem = tb.Problem(hanging_bob(angle_stop(math.pi / 2)), duration=2.0, stop_law="unilateral")
     ((time, _),) = solve_taylor(problem).impacts
     assert time == pytest.approx(math.sqrt(2.0 / 9.81) * float(ellipk(0.5)), rel=1e-14)
 
@@ -142,7 +131,7 @@ def test_a_motion_in_every_fourth_power_of_time_keeps_its_step_short() -> None:
 @pytest.mark.parametrize("e", [0.3, 0.7])
 def test_bouncing_settles(e: float) -> None:
     """Down to rebounds of 1e-6 rad/s; a missed one would leave the bob beyond its stop."""
-    problem = tb.Problem(_pendulum(e, math.pi / 6), duration=6.0, stop_law="unilateral")
+    problem = tb.Problem(hanging_bob(angle_stop(math.pi / 6, e)), duration=6.0, stop_law="unilateral")
     taylor, dop853 = solve_taylor(problem), solve(problem)
     assert abs(len(taylor.impacts) - len(dop853.impacts)) <= 1
     # Rebounds above 1e-4 rad/s: flight times of 1e-5 s and more, located in angles rounded to 1e-16.
@@ -170,21 +159,7 @@ def test_rattling_between_two_rests_ends() -> None:
 @needs_heyoka
 def test_a_loop_of_joints_holds() -> None:
     """A crank whose tip runs in a level slot, as in the closed forms: against DOP853, and on its line."""
-    mechanism = tb.Mechanism(
-        name="slider crank",
-        bodies=(
-            tb.Body(name="crank", angle="a", mass=2.0, centre=(0.5, 0), inertia=0.2),
-            tb.Body(name="rod", angle="b", mass=1.0, centre=(1.0, 0.1), inertia=0.3),
-        ),
-        joints=(
-            tb.PinJoint(name="pivot", parent="ground", child="crank", parent_point=(0, 0), child_point=(0, 0)),
-            tb.PinJoint(name="elbow", parent="crank", child="rod", parent_point=(1, 0), child_point=(0, 0)),
-            tb.SlotJoint(name="slot", child="rod", parent_point=(0, 0), child_point=(2, 0), axis=(1, 0)),
-        ),
-        markers=(tb.Marker(name="tip", body="rod", point=(2, 0)),),
-        gravity=9.81,
-        start=(-math.pi / 3, math.asin(math.sin(math.pi / 3) / 2)),
-    )
+    mechanism = slider_crank(centres=((0.5, 0), (1.0, 0.1)))
     problem, t = tb.Problem(mechanism, duration=2.0), np.linspace(0, 2, 200)
     taylor, dop853 = solve_taylor(problem).motion(t), solve(problem).motion(t)
     assert np.abs(taylor.q - dop853.q).max() < 1e-10

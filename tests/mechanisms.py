@@ -1,0 +1,228 @@
+"""Mechanisms that many tests need: Table I's two machines, pendulums, chains of two bodies, ladders, linkages."""
+
+from __future__ import annotations
+
+import cmath
+import functools
+import math
+
+import numpy as np
+from trebucheck.models.machines.trebuchet import PROJECTILE, fixed, rolling
+from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint, Stop
+from trebucheck.models.problem import Problem
+from trebucheck.models.spec import Vector
+from trebucheck.models.trajectory import Trajectory
+from trebucheck.reference.solution import Solution
+from trebucheck.reference.solver import solve
+
+G = 9.81
+
+# --- The paper's Table I ----------------------------------------------------------------------------------------
+
+TABLE_ONE: dict[str, Mechanism] = {"fixed": fixed(), "rolling": rolling()}
+
+
+@functools.cache
+def table_one_motion(name: str) -> Solution:
+    """Reference motion of a Table I machine, up to the launch."""
+    launch = solve(Problem(TABLE_ONE[name], 2.8)).launch
+    assert launch is not None
+    return solve(Problem(TABLE_ONE[name], launch.time))
+
+
+def position_error(trajectory: Trajectory, exact: Solution, marker: str = PROJECTILE) -> float:
+    """Largest distance of a marker from the reference [m]."""
+    there = exact.trajectory(trajectory.t).marker(marker).position
+    return float(np.linalg.norm(trajectory.marker(marker).position - there, axis=1).max())
+
+
+# --- Parts ------------------------------------------------------------------------------------------------------
+
+
+def pin(name: str, parent: str, child: str, at: Vector = (0, 0), on: Vector = (0, 0)) -> PinJoint:
+    """A pin at a point of the parent and a point of the child."""
+    return PinJoint(name=name, parent=parent, child=child, parent_point=at, child_point=on)
+
+
+def angle_stop(limit: float, restitution: float = 0.0, body: str = "bob", name: str = "stop") -> Stop:
+    """An open stop that a clockwise rotation of a body meets at `limit` [rad]."""
+    return Stop(name=name, body=body, sense=-1, limit=-limit, closed=False, restitution=restitution)
+
+
+def floor(depth: float, restitution: float = 0.0, body: str = "bob", point: Vector = (2.0, 0)) -> PointStop:
+    """An open floor for a point of a body, `depth` below the origin [m]."""
+    return PointStop(
+        name="floor", body=body, point=point, normal=(0, 1), offset=-depth, closed=False, restitution=restitution
+    )
+
+
+# --- Pendulums --------------------------------------------------------------------------------------------------
+
+
+def hanging_bob(*stops: Stop | PointStop, start: float = 0.0, length: float = 2.0, **changes: object) -> Mechanism:
+    """A point mass of 3 kg on a massless rod; angle 0 points along +x, pi/2 straight down."""
+    fields: dict[str, object] = {
+        "name": "pendulum",
+        "bodies": (Body(name="bob", angle="beta", mass=3.0, centre=(length, 0), inertia=0.0),),
+        "joints": (pin("pivot", GROUND, "bob"),),
+        "stops": stops,
+        "markers": (Marker(name="bob", body="bob", point=(length, 0)),),
+        "gravity": G,
+        "start": (start,),
+    }
+    return Mechanism(**(fields | changes))
+
+
+def rod_pendulum(*stops: Stop, start: float = 0.0) -> Mechanism:
+    """A rod with inertia that falls clockwise about its pin."""
+    rod = Body(name="rod", angle="a", mass=2.0, centre=(1, 0), inertia=0.5)
+    return Mechanism(
+        name="pendulum", bodies=(rod,), joints=(pin("pin", GROUND, "rod"),), stops=stops, gravity=G, start=(start,)
+    )
+
+
+# --- Chains of two bodies ---------------------------------------------------------------------------------------
+
+OBLIQUE_SLOT = SlotJoint(
+    name="hook", child="upper", parent_point=(1, 2), child_point=(0.1, 0.1), axis=(0.8, 0.6), coordinate="s"
+)
+"""A slot that goes uphill, for the upper body of a chain."""
+
+
+def chain(
+    *stops: Stop | PointStop, inertias: tuple[float, float] = (0.1, 0.2), hook: Vector = (0.1, 0.2), **changes: object
+) -> Mechanism:
+    """Two bodies off every axis, hung from a point that is not the world's origin, moving at the start.
+
+    Args:
+        stops: of the chain.
+        inertias: of the upper and the lower body [kg m^2].
+        hook: point of the upper body that hangs on the ground [m].
+        changes: fields of the mechanism.
+    """
+    fields: dict[str, object] = {
+        "name": "chain",
+        "bodies": (
+            Body(name="upper", angle="a", mass=1, centre=(0.5, 0.1), inertia=inertias[0]),
+            Body(name="lower", angle="b", mass=2, centre=(0.4, -0.5), inertia=inertias[1]),
+        ),
+        "joints": (pin("hook", GROUND, "upper", (0.3, 2), hook), pin("pin", "upper", "lower", (1, 0), (0, 0.1))),
+        "stops": stops,
+        "markers": (Marker(name="tip", body="lower", point=(0.1, -1.5)), Marker(name="peg", body=GROUND, point=(1, 2))),
+        "gravity": G,
+        "start": (0.3, 0.2),
+        "start_speeds": (1.0, -2.0),
+    }
+    return Mechanism(**(fields | changes))
+
+
+def chain_on_a_slot(**changes: object) -> Mechanism:
+    """The chain on a slot that goes uphill, moving at the start."""
+    here = chain(**changes)
+    return chain(
+        **{"joints": (OBLIQUE_SLOT, here.joints[1]), "start": (0.3, 0.2, 0.4), "start_speeds": (1.0, -2.0, 0.7)}
+        | changes
+    )
+
+
+def rods_on_a_slot(*stops: Stop | PointStop, inertia: float, tip: Vector, **changes: object) -> Mechanism:
+    """Two rods, the upper one on a tilted slot, with no point where it would be easy.
+
+    Args:
+        stops: of the rods.
+        inertia: of the lower rod [kg m^2].
+        tip: the marker's point on the lower rod [m].
+        changes: fields of the mechanism.
+    """
+    slot = SlotJoint(
+        name="slot", child="upper", parent_point=(1, 2), child_point=(-0.1, 0.3), axis=(0.6, 0.8), coordinate="s"
+    )
+    fields: dict[str, object] = {
+        "name": "rods",
+        "bodies": (
+            Body(name="upper", angle="a", mass=2, centre=(0.4, 0.2), inertia=0.3),
+            Body(name="lower", angle="b", mass=1, centre=(0.1, -0.5), inertia=inertia),
+        ),
+        "joints": (slot, pin("pin", "upper", "lower", (0.9, 0.1), (0.05, 0.1))),
+        "stops": stops,
+        "markers": (Marker(name="tip", body="lower", point=tip),),
+        "gravity": G,
+        "start": (0.5, 0.2, 0.6),
+    }
+    return Mechanism(**(fields | changes))
+
+
+# --- Linkages and ladders ---------------------------------------------------------------------------------------
+
+
+def slider_crank(
+    length: float = 2.0,
+    tilt: float = 0.0,
+    centres: tuple[Vector, Vector] = ((0.5, 0), (1.0, 0)),
+    mass: float = 1.0,
+    **changes: object,
+) -> Mechanism:
+    """A loop: a crank of 1 m whose rod's tip runs in a slot through the pivot.
+
+    Args:
+        length: of the rod [m].
+        tilt: of the slot, anticlockwise [rad].
+        centres: centres of mass of crank and rod [m].
+        mass: of the rod [kg].
+        changes: fields of the mechanism.
+    """
+    crank = -math.pi / 3
+    # The tip is on the line: sin(b + tilt) length = -sin(crank + tilt).
+    rod = -math.asin(math.sin(crank + tilt) / length) - tilt
+    slot = SlotJoint(
+        name="slot", child="rod", parent_point=(0, 0), child_point=(length, 0), axis=(math.cos(tilt), math.sin(tilt))
+    )
+    fields: dict[str, object] = {
+        "name": "slider crank",
+        "bodies": (
+            Body(name="crank", angle="a", mass=2.0, centre=centres[0], inertia=0.2),
+            Body(name="rod", angle="b", mass=mass, centre=centres[1], inertia=0.3),
+        ),
+        "joints": (pin("pivot", GROUND, "crank"), pin("elbow", "crank", "rod", (1, 0)), slot),
+        "markers": (Marker(name="tip", body="rod", point=(length, 0)),),
+        "gravity": G,
+        "start": (crank, rod),
+    }
+    return Mechanism(**(fields | changes))
+
+
+def four_bar(*further: Body, start: tuple[float, ...] = (), **changes: object) -> Mechanism:
+    """A loop of four pins; the angles of coupler and rocker close it.
+
+    Args:
+        further: bodies beside crank, coupler and rocker; their joints follow in `changes["hung"]`.
+        start: angles of the further bodies [rad].
+        changes: fields of the mechanism; `hung` are joints of the further bodies.
+    """
+    crank, coupler, rocker, foot = -1.2, 2.5, 2.0, complex(3, 0)
+    end = cmath.exp(-1j * crank)
+    span = foot - end
+    # The circles around the crank's end and the rocker's foot meet where the coupler meets the rocker.
+    along = (coupler**2 - rocker**2 + abs(span) ** 2) / (2 * abs(span))
+    meeting = end + span / abs(span) * complex(along, math.sqrt(coupler**2 - along**2))
+    hung = changes.pop("hung", ())
+    assert isinstance(hung, tuple)
+    fields: dict[str, object] = {
+        "name": "four-bar",
+        "bodies": (
+            Body(name="crank", angle="a", mass=1, centre=(0.5, 0), inertia=0.1),
+            Body(name="coupler", angle="b", mass=2, centre=(1.2, 0.1), inertia=0.5),
+            Body(name="rocker", angle="c", mass=1.5, centre=(1, 0), inertia=0.4),
+            *further,
+        ),
+        "joints": (
+            pin("A", GROUND, "crank"),
+            pin("B", "crank", "coupler", (1, 0)),
+            pin("D", GROUND, "rocker", (3, 0)),
+            pin("C", "coupler", "rocker", (coupler, 0), (rocker, 0)),
+            *hung,
+        ),
+        "gravity": G,
+        "start": (crank, -cmath.phase(meeting - end), -cmath.phase(meeting - foot), *start),
+    }
+    return Mechanism(**(fields | changes))
