@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 import trebucheck as tb
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
+from trebucheck.cli.app import main
 from trebucheck.engines.registry import engine_class, engine_names
 
 # Derandomised: a red run is red again on the next machine. `HYPOTHESIS_PROFILE=search` looks further.
@@ -39,6 +42,25 @@ def _param(name: str) -> object:
 def build(request: pytest.FixtureRequest) -> object:
     """Builder of a machine from its parameters."""
     return request.param
+
+
+@pytest.fixture
+def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """The sentence by which the command line refuses its arguments: exit code 2, nothing printed, nothing written."""
+
+    def run(*arguments: str) -> str:
+        monkeypatch.chdir(tmp_path)
+        before = sorted(tmp_path.iterdir())
+        assert main(list(arguments)) == 2
+        captured = capsys.readouterr()
+        assert captured.out == ""
+        assert captured.err.startswith("error: ")
+        assert captured.err.count("\n") == 1, captured.err
+        assert "Traceback" not in captured.err
+        assert sorted(tmp_path.iterdir()) == before
+        return captured.err
+
+    return run
 
 
 def machine_parameters() -> st.SearchStrategy[tb.TrebuchetParameters]:

@@ -15,7 +15,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
-from trebucheck.cli.app import main
 from trebucheck.comparisons.explain import Cause, Intervention, causes_of
 from trebucheck.comparisons.explain.changes import stock_against_tuned
 from trebucheck.comparisons.explain.measure import budget
@@ -460,11 +459,9 @@ def test_explain_json_keeps_to_its_published_schema(explanation: Explanation) ->
     ],
 )
 def test_wrong_input_is_refused_before_anything_runs(
-    arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str], tmp_path: Any
+    arguments: list[str], sentence: str, refused: Callable[..., str]
 ) -> None:
-    assert main(["explain", "--out", str(tmp_path / "out"), *arguments]) == 2
-    assert sentence in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
+    assert sentence in refused("explain", "--out", "out", *arguments)
 
 
 def test_a_machine_that_cannot_throw_is_refused() -> None:

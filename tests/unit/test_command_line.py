@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -16,20 +17,10 @@ from trebucheck.models.dataset import load
 FIELDS = list(tb.TrebuchetParameters.model_fields)
 
 
-def _refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
-    assert main(arguments) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.startswith("error: ")
-    assert captured.err.count("\n") == 1, captured.err
-    assert "Traceback" not in captured.err
-    return captured.err
-
-
 @pytest.mark.parametrize("name", FIELDS)
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e400", "abc", "-100", ""])
-def test_every_parameter_is_checked(name: str, value: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert name in _refused(["models", "show", "fixed", "--set", f"{name}={value}"], capsys)
+def test_every_parameter_is_checked(name: str, value: str, refused: Callable[..., str]) -> None:
+    assert name in refused("models", "show", "fixed", "--set", f"{name}={value}")
 
 
 @pytest.mark.parametrize(
@@ -60,34 +51,24 @@ def test_every_parameter_is_checked(name: str, value: str, capsys: pytest.Captur
         (["launch"], "launch"),
     ],
 )
-def test_wrong_input_gets_a_sentence(
-    arguments: list[str],
-    complaint: str,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert complaint in _refused(arguments, capsys)
-    assert not list(tmp_path.iterdir())
+def test_wrong_input_gets_a_sentence(arguments: list[str], complaint: str, refused: Callable[..., str]) -> None:
+    assert complaint in refused(*arguments)
 
 
-def test_files_that_are_no_mechanism(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_files_that_are_no_mechanism(tmp_path: Path, refused: Callable[..., str]) -> None:
     path = tmp_path / "machine.json"
     path.write_text(tb.fixed().to_json().replace('"mass": 60.0', '"mass": -60.0'))
-    assert "bodies.1.mass = -60.0" in _refused(["models", "show", str(path)], capsys)
+    assert "bodies.1.mass = -60.0" in refused("models", "show", str(path))
     path.write_bytes(b"\xff\xfe")
-    assert str(path) in _refused(["models", "show", str(path)], capsys)
-    assert "--set and --beam are for named machines" in _refused(["models", "show", str(path), "--set", "r=5"], capsys)
+    assert str(path) in refused("models", "show", str(path))
+    assert "--set and --beam are for named machines" in refused("models", "show", str(path), "--set", "r=5")
 
 
 @pytest.mark.parametrize("command", [["compare", "--engines", "reference"], ["run", "--engine", "reference"]])
-def test_a_folder_that_cannot_be_written(
-    command: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_a_folder_that_cannot_be_written(command: list[str], refused: Callable[..., str], tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("kept")
-    assert str(blocked) in _refused([*command, "--out", str(blocked / "deeper")], capsys)
+    assert str(blocked) in refused(*command, "--out", str(blocked / "deeper"))
     assert blocked.read_text() == "kept"
 
 

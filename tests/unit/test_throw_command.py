@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,15 +14,6 @@ from trebucheck.reference.solver import solve
 from trebucheck.reference.throw.flight import Air, Surroundings, fly
 from trebucheck.reference.throw.release import Projectile
 from trebucheck.reference.throw.throw import Throw, throw
-
-
-def _refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
-    assert main(["throw", *arguments]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err.startswith("error: ")
-    assert captured.err.count("\n") == 1, captured.err
-    return captured.err
 
 
 @pytest.mark.parametrize(
@@ -54,39 +46,31 @@ def _refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         (["--set", "l1=-3"], "l1 = -3.0"),
     ],
 )
-def test_wrong_input_gets_a_sentence(
-    arguments: list[str],
-    complaint: str,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert complaint in _refused(arguments, capsys)
-    assert not list(tmp_path.iterdir())
+def test_wrong_input_gets_a_sentence(arguments: list[str], complaint: str, refused: Callable[..., str]) -> None:
+    assert complaint in refused("throw", *arguments)
 
 
-def test_a_machine_too_weak_to_throw(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_machine_too_weak_to_throw(refused: Callable[..., str], tmp_path: Path) -> None:
     # A feather for a counterweight: the arm falls, and the projectile stays below the fulcrum.
     arguments = ["--set", "m_cw=1", "--out", str(tmp_path / "out")]
-    assert "never comes up to the landing height" in _refused(arguments, capsys)
+    assert "never comes up to the landing height" in refused("throw", *arguments)
     assert not (tmp_path / "out").exists()
 
 
-def test_a_mechanism_of_one_s_own(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_mechanism_of_one_s_own(
+    refused: Callable[..., str], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     path = tmp_path / "own.json"
     path.write_text(tb.rolling().to_json())
-    assert "differentiates by a named machine's parameters" in _refused(
-        ["--model", str(path), "--sensitivities"], capsys
-    )
+    assert "differentiates by a named machine's parameters" in refused("throw", "--model", str(path), "--sensitivities")
     assert main(["throw", "--model", str(path), "--out", str(tmp_path)]) == 0
     assert Throw.load(tmp_path / "throw.json") == throw(tb.rolling())
     capsys.readouterr()
     path.write_text(tb.rolling().to_json().replace('"gravity": 9.81', '"gravity": 0'))
-    assert "gravity = 0.0" in _refused(["--model", str(path)], capsys)
+    assert "gravity = 0.0" in refused("throw", "--model", str(path))
     moved = tb.fixed().to_json().replace('"name": "projectile"', '"name": "stone"')
     path.write_text(moved)
-    assert "no marker 'projectile' to throw" in _refused(["--model", str(path)], capsys)
+    assert "no marker 'projectile' to throw" in refused("throw", "--model", str(path))
 
 
 def test_all_is_shown_and_written(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
