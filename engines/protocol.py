@@ -12,6 +12,7 @@ from functools import cache
 from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 
 import numpy as np
+from pydantic import JsonValue
 
 from ..models.arrays import FloatArray
 from ..models.errors import (
@@ -45,9 +46,8 @@ class Capabilities:
     """Coordinates and treatment of constraints, in a few words."""
 
 
-@runtime_checkable
-class Engine(Protocol):
-    """The extension point: whatever has these is compared like the built-in engines."""
+class Simulator(Protocol):
+    """The least that a plug-in's engine must have; the registry adds what :class:`Engine` has beyond it."""
 
     @property
     def name(self) -> str:
@@ -61,6 +61,29 @@ class Engine(Protocol):
 
     def simulate(self, problem: Problem) -> Trajectory:
         """Move the mechanism; raises TrebucheckError if it cannot."""
+        ...
+
+
+@runtime_checkable
+class Engine(Simulator, Protocol):
+    """The extension point: an engine with its numerical options, compared like the built-in engines.
+
+    It is determined by its name, its preset and its settings: `engine(name, preset, **settings)` makes it again.
+    """
+
+    @property
+    def preset(self) -> str:
+        """The preset that the options were made from."""
+        ...
+
+    @property
+    def settings(self) -> dict[str, JsonValue]:
+        """Every numerical option by name, as JSON values, the time step included; without the preset's name."""
+        ...
+
+    @property
+    def timestep(self) -> float | None:
+        """Step size [s]; None where the engine has none."""
         ...
 
 

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import importlib.metadata
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, Protocol, cast
 
+from pydantic import JsonValue
+from pydantic_core import to_jsonable_python
+
 from ..models.errors import InputError
-from .protocol import Capabilities, Engine
+from ..models.mechanism import Mechanism
+from ..models.problem import Problem
+from ..models.spec import Spec
+from ..models.trajectory import Trajectory
+from .inspection import Inspectable, Inspection, State
+from .protocol import Capabilities, Engine, Simulator
 
 PLUGIN_GROUP = "trebucheck.engines"
 """Entry-point group in which another package announces an engine class."""
@@ -29,7 +38,7 @@ class EngineClass(Protocol):
     name: str
     capabilities: Capabilities
 
-    def presets(self) -> Mapping[str, Callable[..., Engine]]:
+    def presets(self) -> Mapping[str, Callable[..., Simulator]]:
         """Makers by preset name; 'stock' and 'tuned' at least."""
         ...
 
@@ -103,4 +112,68 @@ def engine(name: str, preset: str = "tuned", **options: Any) -> Engine:
     makers = engine_class(name).presets()
     if preset not in makers:
         raise InputError(f"{name} has no preset {preset!r}; there are: {', '.join(makers)}.")
-    return makers[preset](**options)
+    made = makers[preset](**options)
+    return made if isinstance(made, Engine) else _completed(made, preset, options)
+
+
+def with_options(base: Engine, changes: Mapping[str, JsonValue]) -> Engine:
+    """The engine made again, with some options set otherwise.
+
+    Raises:
+        InputError: an option is not valid, or the engine takes no options.
+    """
+    if not changes:
+        return base
+    try:
+        return engine(base.name, base.preset, **{**base.settings, **changes})
+    except TypeError as error:
+        raise InputError(f"options of the engine {base.name!r} cannot be changed: {error}.") from error
+
+
+@dataclass(frozen=True)
+class CompletedEngine:
+    """A plug-in's engine that does not tell its preset, its settings or its time step, completed by the registry."""
+
+    simulator: Simulator
+    preset: str
+    settings: dict[str, JsonValue]
+    timestep: float | None
+
+    @property
+    def name(self) -> str:
+        """Of the plug-in's engine."""
+        return self.simulator.name
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """Of the plug-in's engine."""
+        return self.simulator.capabilities
+
+    def simulate(self, problem: Problem) -> Trajectory:
+        """As the plug-in's engine does."""
+        return self.simulator.simulate(problem)
+
+
+@dataclass(frozen=True)
+class CompletedInspectable(CompletedEngine):
+    """The same for an engine that shows its built model."""
+
+    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
+        """As the plug-in's engine does."""
+        return cast("Inspectable", self.simulator).inspect(mechanism, states)
+
+
+def _completed(made: Simulator, preset: str, options: Mapping[str, Any]) -> CompletedEngine:
+    settings = _settings_of(made, options)
+    step = getattr(made, "timestep", settings.get("timestep"))
+    cls = CompletedInspectable if isinstance(made, Inspectable) else CompletedEngine
+    return cls(made, preset, settings, float(step) if isinstance(step, int | float) else None)
+
+
+def _settings_of(made: Simulator, options: Mapping[str, Any]) -> dict[str, JsonValue]:
+    """The fields of a Spec or a dataclass; of anything else, the options that it was given."""
+    if isinstance(made, Spec):
+        return made.model_dump(mode="json", exclude={"preset"})
+    if dataclasses.is_dataclass(made):
+        options = {field.name: getattr(made, field.name) for field in dataclasses.fields(made) if field.init}
+    return {name: to_jsonable_python(value, fallback=repr) for name, value in options.items() if name != "preset"}

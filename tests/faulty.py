@@ -13,6 +13,7 @@ import trebucheck as tb
 from scipy.optimize import brentq
 from trebucheck.comparisons.compare import study as campaign
 from trebucheck.comparisons.runs.results import Outcome, Run
+from trebucheck.engines import registry
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.reference.equations import Equations
@@ -47,8 +48,17 @@ class Faulty:
     def capabilities(self) -> tb.Capabilities:
         return self.inner.capabilities
 
-    def model_dump(self, **options: Any) -> dict[str, Any]:
-        return self.inner.model_dump(**options)
+    @property
+    def preset(self) -> str:
+        return self.inner.preset
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        return self.inner.settings
+
+    @property
+    def timestep(self) -> float | None:
+        return self.inner.timestep
 
     def inspect(self, mechanism: tb.Mechanism, states: Sequence[State]) -> Inspection:
         return self.inner.inspect(self.machine(mechanism), [self.state(state) for state in states])
@@ -99,6 +109,7 @@ def run_with(fault: Fault, model: str, monkeypatch: pytest.MonkeyPatch) -> Run:
         return Faulty(inner, **fault.parts) if fault.parts else inner
 
     monkeypatch.setattr(campaign, "engine", spoilt)
+    monkeypatch.setattr(registry, "engine", spoilt)  # with other options it is as faulty
     results = tb.compare([model], [fault.engine], ["tuned"], isolate=False, **(fault.options or {})).results
     return results.runs[0]
 

@@ -6,15 +6,20 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import trebucheck as tb
+from pydantic import JsonValue
 
 ENTRY_POINTS = """[trebucheck.engines]
 echo = plugins:Echo
 liar = plugins:Liar
 raiser = plugins:Raiser
 crasher = plugins:Crasher
+plain = plugins:Plain
+strange = plugins:Strange
 sleeper = plugins:Sleeper
 """
 
@@ -40,10 +45,15 @@ class Echo:
         formulation="borrowed",
     )
     timestep: float = 1e-3
+    preset: str = "tuned"
+
+    @property
+    def settings(self) -> dict[str, JsonValue]:
+        return {"timestep": self.timestep}
 
     @classmethod
     def presets(cls) -> dict[str, Callable[..., tb.Engine]]:
-        return {"tuned": cls, "stock": cls}
+        return {"tuned": cls, "stock": partial(cls, preset="stock")}
 
     @classmethod
     def is_installed(cls) -> bool:
@@ -94,3 +104,36 @@ class Sleeper(Echo):
     def simulate(self, problem: tb.Problem) -> tb.Trajectory:
         time.sleep(3600)
         raise AssertionError("unreachable")
+
+
+@dataclass(frozen=True)
+class Plain:
+    """As plug-ins were before the protocol had `preset`, `settings` and `timestep`: a dataclass of its options."""
+
+    name = "plain"
+    capabilities = Echo.capabilities
+    timestep: float = 1e-2
+
+    @classmethod
+    def presets(cls) -> dict[str, Callable[..., Any]]:
+        return {"tuned": cls, "stock": cls}
+
+    @classmethod
+    def is_installed(cls) -> bool:
+        return True
+
+    @classmethod
+    def version(cls) -> str:
+        return "1.0"
+
+    def simulate(self, problem: tb.Problem) -> tb.Trajectory:
+        return tb.engine("reference", timestep=self.timestep).simulate(problem)
+
+
+class Strange(Plain):
+    """The same, but that it takes no option."""
+
+    name = "strange"
+
+    def __init__(self) -> None:
+        super().__init__()

@@ -30,7 +30,6 @@ from ..runs.pairs import against_each_other
 from ..runs.results import Diagnosis, Equality, Machine, Metric, Outcome, Pair, Results, Run
 from ..runs.store import Store
 from ..runs.tolerances import judge
-from ..runs.trials import settings_of
 from ..runs.worker import Worker, simulate_warm
 from .summary import figure
 
@@ -216,7 +215,7 @@ def _is_table_one(mechanism: Mechanism) -> bool:
 def _run(
     case: Case, runner: Engine, setup: _Setup, store: Store | None, calls: _Runner
 ) -> tuple[Run, Trajectory | None]:
-    settings = settings_of(runner)
+    settings = runner.settings
     run = Run(
         model=case.model,
         engine=case.engine,

@@ -11,7 +11,6 @@ from ...engines.registry import engine
 from ...models.errors import InputError
 from ...reference.certification.certificate import REFUSED_BELOW
 from ..compare.summary import figure
-from ..runs.trials import settings_of
 from .results import Floor
 
 Settings = Mapping[str, Any]
@@ -94,7 +93,7 @@ def notches(name: str, settings: Settings, turned: Sequence[str]) -> Iterator[tu
 
 
 def _tuned(name: str) -> dict[str, Any]:
-    return settings_of(engine(name, "tuned"))
+    return engine(name, "tuned").settings
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ import numpy as np
 from ...engines.registry import engine as make
 from ...engines.registry import engine_class
 from ...models.errors import InputError
-from ..runs.trials import settings_of
 
 Options = Mapping[str, Any]
 
@@ -187,5 +186,5 @@ def knobs(engine: str, names: list[str] | None = None) -> list[Knob]:
 
 
 def option_names(engine: str) -> set[str]:
-    """Names of an engine's options; of one that does not tell, the one that the protocol promises."""
-    return set(settings_of(make(engine, "tuned"))) or {"timestep"}
+    """Names of an engine's options."""
+    return set(make(engine, "tuned").settings)

@@ -18,7 +18,7 @@ from ...models.mechanism import Mechanism
 from ...reference.certification.certificate import Uncertainties, reference_uncertainty
 from ..compare.summary import push_unit
 from ..runs.deviation import Deviation
-from ..runs.trials import Trial, Trials, settings_of
+from ..runs.trials import Trial, Trials
 from ..runs.worker import Worker
 from .fit import power_law
 from .floor import Site, floor
@@ -227,8 +227,7 @@ class _Machine:
             return _whole(self.trial(name, knob, {**options, **change}, 1), quantity)
 
         value, error = at
-        settings = settings_of(made) or {**knob.base, **options}
-        site = Site(name, settings, tuple(knob.options(knob.values[0])), error, value, measure)
+        site = Site(name, made.settings, tuple(knob.options(knob.values[0])), error, value, measure)
         return floor(site, self.uncertainty[quantity], finer)
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from ...engines.protocol import BuiltinEngine, Engine
+from ...engines.protocol import Engine
+from ...engines.registry import engine as make
+from ...engines.registry import with_options
 from ...models.arrays import FloatArray
 from ...models.errors import TrebucheckError
 from ...models.mechanism import Mechanism
@@ -240,17 +241,13 @@ def _settings_causes(case: _Case, engine: Engine, simulate: Simulate) -> Iterato
 
 def _other_settings(engine: Engine, mechanism: Mechanism) -> Iterator[tuple[str, str, Engine]]:
     """The engine without one of its budget's causes, or with one option as tuned; name, amount, engine."""
-    if not isinstance(engine, BuiltinEngine):
-        return
-    options = engine.model_dump(mode="json", exclude={"preset"})
+    options = engine.settings
     known: set[str] = set()
     for cause in causes_of(engine, mechanism):
         if cause.removal is not None and cause.removal.options:
             known |= cause.removal.options.keys()
-            changed: dict[str, Any] = {**options, **cause.removal.options}
-            other = type(engine)(**changed)
-            yield cause.name, described(cause.removal, options), other
-    tuned = type(engine).tuned(timestep=engine.timestep).model_dump(mode="json", exclude={"preset"})
+            yield cause.name, described(cause.removal, options), with_options(engine, cause.removal.options)
+    tuned = make(engine.name, "tuned").settings
     for name, value in options.items():
-        if value != tuned[name] and name not in known:
-            yield f"option {name}", f"{value}; tuned: {tuned[name]}", type(engine)(**{**options, name: tuned[name]})
+        if name in tuned and value != tuned[name] and name not in known | {"timestep"}:
+            yield f"option {name}", f"{value}; tuned: {tuned[name]}", with_options(engine, {name: tuned[name]})

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...engines.inspection import Dynamics, Inspectable, Inspection, State
-from ...engines.protocol import BuiltinEngine, Engine
+from ...engines.protocol import Engine
 from ...models.arrays import FloatArray
-from ...models.errors import SimulationError, UnsupportedProblemError
+from ...models.errors import EngineNotInstalledError, SimulationError, UnsupportedProblemError
 from ...models.mechanism import Mechanism
 from ...reference.equations import Equations
 from ...reference.solver import natural_time
@@ -42,11 +42,9 @@ def equality(engine: Engine, mechanism: Mechanism) -> Equality:
     if not isinstance(engine, Inspectable):
         return Equality(exposed=False, note=f"{engine.name} does not show its built model; only its motion can tell.")
     states = random_states(mechanism)
-    if isinstance(engine, BuiltinEngine):
-        engine.refuse_absence()
     try:
         inspection = engine.inspect(mechanism, states)
-    except (UnsupportedProblemError, SimulationError):
+    except (EngineNotInstalledError, UnsupportedProblemError, SimulationError):
         raise  # the run says it in its own words
     except Exception as error:
         note = f"{engine.name} could not be looked into: {type(error).__name__}: {error}"

@@ -16,7 +16,6 @@ from pydantic import JsonValue
 from ...engines.protocol import Engine
 from ...models.mechanism import Mechanism
 from ...models.mjcf.writer import POINT_INERTIA
-from ..runs.trials import settings_of
 
 Options = Mapping[str, JsonValue]
 
@@ -77,7 +76,7 @@ def causes_of(engine: Engine, mechanism: Mechanism | None = None) -> tuple[Cause
     Args:
         mechanism: that it moves: some causes are there only where points are held, by stops or by loops of joints.
     """
-    settings = settings_of(engine) or {"timestep": getattr(engine, "timestep", None)}
+    settings = engine.settings
     table = _TABLES.get(engine.name, _steps_only)
     found = [cause for cause in table(settings, Held.by(mechanism)) if _does_anything(cause, settings)]
     names = {cause.name for cause in found}

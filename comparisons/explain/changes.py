@@ -8,18 +8,18 @@ import numpy as np
 from pydantic import JsonValue
 
 from ...engines.protocol import Engine
+from ...engines.registry import with_options
 from ...models.errors import InputError
 from ..compare.summary import push_unit
-from ..runs.trials import Trial, Trials, settings_of
+from ..runs.trials import Trial, Trials
 from .results import Change, Figures, StockAgainstTuned
-from .variants import with_options
 
 _REPEATS = 3  # timed runs of each setting: a median of fewer says little of runs of some hundredths of a second
 
 
 def stock_against_tuned(trials: Trials, stock: Engine, tuned: Engine) -> StockAgainstTuned:
     """Set an engine's two presets side by side, at the stock one's step, and change one option at a time."""
-    at_stock = settings_of(stock)
+    at_stock = stock.settings
     step = at_stock.get("timestep")
     if step is not None:
         tuned = with_options(tuned, {"timestep": step})
@@ -31,7 +31,7 @@ def stock_against_tuned(trials: Trials, stock: Engine, tuned: Engine) -> StockAg
             alone=_changed(trials, stock, name, theirs),
             back=_changed(trials, tuned, name, ours),
         )
-        for name, ours, theirs in _differences(at_stock, settings_of(tuned))
+        for name, ours, theirs in _differences(at_stock, tuned.settings)
     ]
     return StockAgainstTuned(
         model=trials.mechanism.name,

@@ -10,7 +10,7 @@ from ...engines.protocol import Engine
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
 from ..runs.deviation import Deviation
-from ..runs.trials import Trial, Trials, settings_of
+from ..runs.trials import Trial, Trials
 from .causes import Cause, Intervention, causes_of, described
 from .results import Budget, Measurement, Quantity
 from .shares import Measured, Observed, noise_between, observed, orders, split
@@ -38,7 +38,7 @@ def budget(trials: Trials, engine: Engine) -> Budget:
         engine=engine.name,
         engine_version=base.engine_version,
         preset=base.preset,
-        settings=settings_of(engine),
+        settings=engine.settings,
         message=base.message,
     )
     if base.deviation is None:
@@ -53,7 +53,7 @@ def budget(trials: Trials, engine: Engine) -> Budget:
 
 
 def _measurement(cause: Cause, engine: Engine, failure: str | None) -> Measurement:
-    settings = settings_of(engine)
+    settings = engine.settings
     ways = [described(way, settings) for way in (cause.removal, cause.scaling) if way is not None]
     return Measurement(
         name=cause.name, explanation=cause.explanation, done="; or ".join(ways), after=cause.after, message=failure

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from pydantic import JsonValue
 
 from ...engines.protocol import Capabilities, Engine
+from ...engines.registry import with_options
 from ...models.arrays import FloatArray
-from ...models.errors import InputError
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
-from ...models.spec import Spec
 from ...models.trajectory import PointMotion, Trajectory
-from ..runs.trials import Trial, Trials, settings_of
-from .causes import Intervention, Options
+from ..runs.trials import Trial, Trials
+from .causes import Intervention
 
 LAST_BITS = 1e-15
 """Relative change of gravity, a few units in its last place: what it does to a run is roundoff."""
@@ -47,19 +45,20 @@ class Reread:
         return self.engine.capabilities
 
     @property
-    def timestep(self) -> float:
+    def timestep(self) -> float | None:
         """Of the engine [s]."""
-        return float(getattr(self.engine, "timestep", 0.0))
+        return self.engine.timestep
 
     @property
     def preset(self) -> str:
         """Of the engine."""
-        return str(getattr(self.engine, "preset", "tuned"))
+        return self.engine.preset
 
-    def model_dump(self, **_: Any) -> dict[str, JsonValue]:
+    @property
+    def settings(self) -> dict[str, JsonValue]:
         """The engine's options and how it is read: what a trial is remembered by."""
         ways: dict[str, JsonValue] = {"own_kinematics": self.own_kinematics, "filtered_torques": self.filtered_torques}
-        return {**settings_of(self.engine), **ways}
+        return {**self.engine.settings, **ways}
 
     def simulate(self, problem: Problem) -> Trajectory:
         """As the engine does it, read otherwise."""
@@ -105,21 +104,6 @@ def with_filtered_torques(trajectory: Trajectory) -> Trajectory:
         filtered[inside] = np.convolve(torque, _SHAPIRO, mode="same")[inside]
         torques[name] = filtered
     return dataclasses.replace(trajectory, stop_torques=torques)
-
-
-def with_options(engine: Engine, options: Options) -> Engine:
-    """The engine with some options set otherwise.
-
-    Raises:
-        InputError: an option is not valid, or the engine is neither a Spec nor a dataclass.
-    """
-    if not options:
-        return engine
-    if isinstance(engine, Spec):
-        return type(engine)(**{**engine.model_dump(), **options})  # pyright: ignore[reportReturnType]
-    if dataclasses.is_dataclass(engine) and not isinstance(engine, type):
-        return dataclasses.replace(engine, **options)
-    raise InputError(f"options of the engine {engine.name!r} cannot be changed: it is neither a Spec nor a dataclass.")
 
 
 def varied(trials: Trials, base: Engine, done: Sequence[Intervention], last_bits: int = 0) -> Trial:

@@ -138,7 +138,7 @@ class Trials:
         found = known = self._known.get(key) or (self._kept(key) if self._resume else None)
         if found is None:
             if self._progress:
-                self._progress(f"{engine.name} {_short(settings_of(engine))}")
+                self._progress(f"{engine.name} {_short(engine.settings)}")
             found = self._made(engine, given)
         found = self._timed(found, engine, given, repeats)
         if self._folder and found is not known:
@@ -147,11 +147,11 @@ class Trials:
         return found
 
     def _made(self, engine: Engine, given: Mechanism) -> Trial:
-        settings = settings_of(engine)
+        settings = engine.settings
         base = Trial(
             engine=engine.name,
             engine_version=engine_class(engine.name).version(),
-            preset=getattr(engine, "preset", "tuned"),
+            preset=engine.preset,
             settings=settings,
             mechanism_hash=given.content_hash,
         )
@@ -177,8 +177,7 @@ class Trials:
         return trial if len(walls) == len(trial.wall_times) else trial.model_copy(update={"wall_times": tuple(walls)})
 
     def _problem(self, engine: Engine, given: Mechanism) -> Problem:
-        step = settings_of(engine).get("timestep")
-        tail = max(_TAIL, _TAIL_STEPS * step) if isinstance(step, float) else _TAIL
+        tail = max(_TAIL, _TAIL_STEPS * (engine.timestep or 0.0))
         return Problem(given, duration=min(self.end + tail, self.solution.problem.duration))
 
     def _reference(self, t: FloatArray) -> Trajectory:
@@ -209,17 +208,11 @@ class Trials:
         self.close()
 
 
-def settings_of(engine: Engine) -> dict[str, JsonValue]:
-    """Every numerical option of an engine; empty where it does not tell."""
-    dump = getattr(engine, "model_dump", None)
-    return dump(mode="json", exclude={"preset"}) if dump is not None else {}
-
-
 def _key(engine: Engine, given: Mechanism, compared: Mechanism) -> str:
     parts = [
         engine.name,
         engine_class(engine.name).version(),
-        settings_of(engine),
+        engine.settings,
         given.content_hash,
         compared.content_hash,
     ]

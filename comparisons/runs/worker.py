@@ -23,7 +23,7 @@ _WARM_UP = 5e-3  # [s] simulated before the run that is timed: imports and first
 
 def simulate_warm(runner: Engine, problem: Problem) -> Trajectory:
     """Simulate, after a short run whose time is not counted."""
-    step = getattr(runner, "timestep", _WARM_UP)
+    step = runner.timestep or _WARM_UP
     short = Problem(problem.mechanism, duration=min(problem.duration, max(_WARM_UP, step)), stop_law=problem.stop_law)
     with suppress(TrebucheckError):  # the run itself will say it better
         runner.simulate(short)

@@ -46,6 +46,7 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Show the built system by its own matrices and outputs."""
+        self.refuse_absence()
         from .inspect import inspect  # loads Exudyn
 
         return inspect(mechanism, states, self)

@@ -65,6 +65,7 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The built model's mass matrix, forces and forward dynamics in each state, its closed limits at rest."""
+        self.refuse_absence()
         from .inspect import inspect
 
         return inspect(mechanism, states, self)

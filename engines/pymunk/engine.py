@@ -54,6 +54,7 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The built bodies' inertia, and accelerations and torques by one step of theirs in each state."""
+        self.refuse_absence()
         from .inspect import inspect
 
         return inspect(mechanism, states, self)

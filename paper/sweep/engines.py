@@ -15,7 +15,6 @@ import numpy as np
 
 from ...comparisons.runs.results import Machine, Metric, Outcome, Run
 from ...comparisons.runs.tolerances import judge
-from ...comparisons.runs.trials import settings_of
 from ...comparisons.runs.worker import Worker, simulate_warm
 from ...engines.protocol import Engine
 from ...engines.registry import engine
@@ -49,7 +48,7 @@ def allowed(runner: Engine, mechanism: Mechanism) -> Allowed:
     )
     run = Run(
         model=mechanism.name, engine=runner.name, preset="tuned", outcome=Outcome.OK, engine_version="",
-        settings=settings_of(runner), metrics=wanted,
+        settings=runner.settings, metrics=wanted,
     )  # fmt: skip
     machine = Machine(
         model=mechanism.name, mechanism=mechanism, mechanism_hash=mechanism.content_hash,

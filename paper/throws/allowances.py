@@ -100,8 +100,8 @@ def _direct(engine: Engine, mechanism: Mechanism, name: str, ours: Figures) -> f
 
 def _bar(engine: Engine, metric: str, mechanism: Mechanism, subject: str | None = None) -> tuple[Bar, float] | None:
     """The bar of the tuned preset stated for the longest step not above the engine's own, and its value there."""
-    step = getattr(engine, "timestep", None)
-    best = bar_for(engine.name, "tuned", metric, subject, mechanism, step) if isinstance(step, float) else None
-    if best is None or not isinstance(step, float):
+    step = engine.timestep
+    best = None if step is None else bar_for(engine.name, "tuned", metric, subject, mechanism, step)
+    if best is None or step is None:
         return None
     return best, best.value * max(1.0, step / best.timestep) ** best.order

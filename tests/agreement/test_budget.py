@@ -12,10 +12,10 @@ import pytest
 from trebucheck.comparisons.explain import causes_of
 from trebucheck.comparisons.explain.measure import budget
 from trebucheck.comparisons.explain.results import Budget, Share
-from trebucheck.comparisons.explain.variants import with_filtered_torques, with_options
+from trebucheck.comparisons.explain.variants import with_filtered_torques
 from trebucheck.comparisons.runs.trials import Trials
 from trebucheck.engines.mujoco.engine import MujocoEngine
-from trebucheck.engines.registry import engine, engine_class
+from trebucheck.engines.registry import engine, engine_class, with_options
 from trebucheck.models.machines.parameters import TrebuchetParameters
 from trebucheck.models.machines.trebuchet import HANGER_REST, fixed, rolling
 from trebucheck.models.mechanism import Mechanism

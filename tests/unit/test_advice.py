@@ -25,7 +25,7 @@ from trebucheck.comparisons.recommend.search import SCREENED_AT, Follower, Place
 from trebucheck.comparisons.recommend.snippets import MJCF, MUJOCO_PYTHON, PYTHON, snippets
 from trebucheck.comparisons.recommend.target import read_torque
 from trebucheck.comparisons.runs.deviation import Deviation
-from trebucheck.comparisons.runs.trials import Trial, Trials, settings_of
+from trebucheck.comparisons.runs.trials import Trial, Trials
 from trebucheck.models.schema import schema_text
 
 ENGINES = ("mujoco", "pymunk", "exudyn")
@@ -93,7 +93,7 @@ def test_every_set_is_valid_at_every_step_and_another_one(name: str) -> None:
     assert sets[0].engine(name, 1e-3) == tb.engine(name, "stock", timestep=1e-3)
     assert sets[-1].engine(name, 1e-3) == tb.engine(name, "tuned", timestep=1e-3)
     for step in STEPS:
-        made = [json.dumps(settings_of(options.engine(name, step))) for options in sets]
+        made = [json.dumps(options.engine(name, step).settings) for options in sets]
     assert len(set(made)) == len(sets)  # at the shortest step: what is scaled with it may meet the preset's at another
 
 
@@ -159,7 +159,7 @@ class _Synthetic:
         self.made: list[tuple[str, float]] = []
 
     def trial(self, engine: Any, repeats: int = 1) -> Trial:
-        settings = settings_of(engine)
+        settings = engine.settings
         name, step = str(settings["integrator"]), engine.timestep
         self.made.append((name, step))
         error = self.constants[name] * self.factor * step**2 + self.floor

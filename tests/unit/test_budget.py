@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from io import StringIO
@@ -11,6 +12,7 @@ from typing import Any, cast
 
 import jsonschema
 import numpy as np
+import plugins
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -24,14 +26,15 @@ from trebucheck.comparisons.explain.shares import orders
 from trebucheck.comparisons.explain.study import Study
 from trebucheck.comparisons.explain.terminal import print_explanation
 from trebucheck.comparisons.explain.text import main_quantities
-from trebucheck.comparisons.explain.variants import Reread, by_kinematics, with_filtered_torques, with_options
+from trebucheck.comparisons.explain.variants import Reread, by_kinematics, with_filtered_torques
 from trebucheck.comparisons.runs.deviation import GRID, Deviation
-from trebucheck.comparisons.runs.trials import Trial, Trials, settings_of
+from trebucheck.comparisons.runs.trials import Trial, Trials
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.protocol import BuiltinEngine, Engine
 from trebucheck.engines.pymunk.engine import PymunkEngine
 from trebucheck.engines.reference.engine import ReferenceEngine
+from trebucheck.engines.registry import engine, with_options
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import InputError
 from trebucheck.models.machines.trebuchet import HANGER_REST, fixed
@@ -58,7 +61,7 @@ class ClosedForm:
     seen: list[dict[str, Any]] = field(default_factory=list)
 
     def trial(self, engine: Engine, repeats: int = 1, of: Mechanism | None = None) -> Trial:
-        settings = settings_of(engine)
+        settings = engine.settings
         self.seen.append(settings)
         made = Trial(
             engine=engine.name,
@@ -116,7 +119,7 @@ def test_causes_that_add_are_told_apart_and_the_unknown_stays_unexplained() -> N
         )
 
     found = _budget(error, PymunkEngine.stock())
-    whole = error(settings_of(PymunkEngine.stock()), fixed())
+    whole = error(PymunkEngine.stock().settings, fixed())
     bias = PymunkEngine.stock().error_bias / 0.00179701
     parts = {"start and labels": 0.5 * T, "error bias": 0.3 * bias * T**2, "event location": -0.2 * T}
     shares = _shares(found)
@@ -140,7 +143,7 @@ def test_pairwise_interactions_are_shared_as_by_shapley() -> None:
         return h * (3.0 * bias + 2.0 * labels) + 0.7 * bias * labels + 0.5 * h**2
 
     found = _budget(lambda s, _: size(s) * T, PymunkEngine.stock())
-    stock = settings_of(PymunkEngine.stock())
+    stock = PymunkEngine.stock().settings
     removals = {c.name: c.removal.options for c in causes_of(PymunkEngine.stock()) if c.removal is not None}
     players = ("time step", "error bias", "start and labels")
     expected = dict.fromkeys(players, 0.0)
@@ -184,7 +187,7 @@ def test_softness_is_told_from_the_time_step_although_it_is_scaled_with_it() -> 
         return 1e10 * (1.0 - s["solimp"][0]) / stiffness * T + 1e5 * s["timestep"] ** 2 * T**2
 
     found = _budget(error, MujocoEngine.tuned())
-    e = error(settings_of(MujocoEngine.tuned()), fixed())
+    e = error(MujocoEngine.tuned().settings, fixed())
     shares = _shares(found)
     left = 1.0 / 64.0  # of both, at an eighth of the step
     assert shares["constraint softness"] == pytest.approx((1 - left) * T @ e / (e @ e), rel=1e-6)
@@ -294,26 +297,36 @@ def test_softness_that_is_no_more_than_the_step_allows_is_reduced_with_it() -> N
     assert tuned.after == ("time step",) and tuned.scaling is not None and tuned.scaling.leaves == 2.0
 
 
-@dataclass(frozen=True)
-class Plain:
-    """An engine without a table."""
+@pytest.fixture
+def third_party(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path_factory.mktemp("site")
+    plugins.announce(folder)
+    monkeypatch.syspath_prepend(str(folder))
 
-    name = "plain"
-    timestep: float = 1e-2
 
-
+@pytest.mark.usefixtures("third_party")
 def test_of_a_plug_in_the_time_step_alone_is_known() -> None:
-    causes = causes_of(cast("Engine", Plain()))
+    causes = causes_of(engine("plain"))
     assert [cause.name for cause in causes] == ["time step"]
-    assert with_options(cast("Engine", Plain()), causes[0].options) == Plain(1e-2 / 8)
+    assert with_options(engine("plain"), causes[0].options) == engine("plain", timestep=1e-2 / 8)
 
 
+@pytest.mark.usefixtures("third_party")
+def test_an_engine_that_does_not_tell_its_options_is_completed() -> None:
+    made = engine("plain", "stock", timestep=5e-3)
+    assert isinstance(made, Engine)
+    assert (made.preset, made.settings, made.timestep) == ("stock", {"timestep": 5e-3}, 5e-3)
+    assert pickle.loads(pickle.dumps(made)) == made
+    assert made.simulate(Problem(fixed(), duration=0.1)).t[1] == pytest.approx(5e-3)
+    with Trials(fixed(), isolate=True) as trials:
+        trial = trials.trial(made)
+    assert trial.position == 0.0 and trial.preset == "stock" and trial.settings == {"timestep": 5e-3}
+
+
+@pytest.mark.usefixtures("third_party")
 def test_options_of_an_unknown_kind_of_engine_cannot_be_changed() -> None:
-    class Strange:
-        name = "strange"
-
     with pytest.raises(InputError, match="'strange' cannot be changed"):
-        with_options(cast("Engine", Strange()), {"timestep": 1.0})
+        with_options(engine("strange"), {"timestep": 1.0})
 
 
 # reading otherwise
@@ -354,7 +367,7 @@ def test_a_reread_engine_is_remembered_as_another_one() -> None:
     engine = PymunkEngine.tuned()
     reread = Reread(engine, own_kinematics=True, filtered_torques=False)
     assert reread.name == "pymunk" and reread.preset == "tuned" and reread.timestep == engine.timestep
-    assert settings_of(reread) != settings_of(engine)
+    assert reread.settings != engine.settings
 
 
 # stock against tuned
@@ -367,7 +380,7 @@ def test_each_option_is_changed_alone_from_either_end() -> None:
     study = ClosedForm(error)
     found = stock_against_tuned(cast("Trials", study), PymunkEngine.stock(), PymunkEngine.tuned())
     by_option = {change.option: change for change in found.changes}
-    stock, tuned = settings_of(PymunkEngine.stock()), settings_of(PymunkEngine.tuned())
+    stock, tuned = PymunkEngine.stock().settings, PymunkEngine.tuned().settings
     assert set(by_option) == {name for name in stock if stock[name] != tuned[name]}
     assert (found.stock.position, found.tuned.position) == (55.0, 1.0)
     assert (by_option["error_bias"].alone.position, by_option["error_bias"].back.position) == (5.0, 11.0)

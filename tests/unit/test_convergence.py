@@ -285,9 +285,6 @@ def test_durations_are_those_of_trials(step: float, monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(plugins.Echo, "simulate", simulate)
     monkeypatch.setattr("trebucheck.comparisons.runs.trials.engine_class", lambda _: plugins.Echo)
-    monkeypatch.setattr(
-        "trebucheck.comparisons.runs.trials.settings_of", lambda engine: {"timestep": engine.timestep}, raising=True
-    )
     with Trials(tb.fixed(), isolate=False) as trials:
         trials.trial(plugins.Echo(timestep=step))
         assert asked[-1] == duration(trials.end, step)

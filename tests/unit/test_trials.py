@@ -11,6 +11,7 @@ import numpy as np
 import plugins
 import pytest
 import trebucheck as tb
+from pydantic import JsonValue
 from trebucheck.comparisons.runs.deviation import deviation
 from trebucheck.comparisons.runs.trials import Trial, Trials
 from trebucheck.models.arrays import FloatArray
@@ -28,7 +29,8 @@ class Claims(plugins.Echo):
     fails_after: int = 1000
     runs: list[float] = field(default_factory=list[float], compare=False)
 
-    def model_dump(self, **_: object) -> dict[str, object]:
+    @property
+    def settings(self) -> dict[str, JsonValue]:
         return {"timestep": self.timestep, "takes": self.takes, "fails_after": self.fails_after}
 
     def simulate(self, problem: tb.Problem) -> tb.Trajectory:
