@@ -174,5 +174,11 @@ class Kinematics:
         return waves
 
 
+def initial_state(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
+    """Coordinates q and speeds u at t = 0, each of shape (n_q,)."""
+    q = np.array(mechanism.start, dtype=np.float64)
+    return q, np.array(mechanism.start_speeds, dtype=np.float64) if mechanism.start_speeds else np.zeros_like(q)
+
+
 def _as_vectors(z: ComplexArray) -> FloatArray:
     return np.stack([z.real, z.imag], axis=-1)

@@ -1,4 +1,4 @@
-"""The loaded model: options, softness and preload."""
+"""The MuJoCo model of a mechanism: numerical options, softness and preload."""
 
 from __future__ import annotations
 
@@ -6,20 +6,18 @@ import importlib
 from collections.abc import Iterable
 from typing import Any
 
-import numpy as np
-
-from ...models.errors import SimulationError, UnsupportedProblemError
-from ...models.kinematics import Kinematics
-from ...models.mechanism import Mechanism, PointStop
+from ...models.errors import SimulationError
+from ...models.mechanism import Mechanism
 from ...models.mjcf.points import felt_from
 from ...models.mjcf.writer import MARGIN, START_KEY, mjcf
-from .constraints import Hold, Wall, stop_holds
-from .moving_points import CALLBACK, Bias
+from ..contact_events import refuse_moving_gaps
+from .constraints import UnilateralConstraint, stop_contacts
 from .options import MujocoOptions
+from .reference_acceleration import CALLBACK, ReferenceAccelerationCorrection
 
 mujoco: Any = importlib.import_module("mujoco")  # it carries no types
 
-_SETTLING = 6  # preload iterations, each of which gains the four digits of 1 - d
+_PRELOAD_ITERATIONS = 6  # each gains the four digits of 1 - d, d the impedance
 
 
 def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
@@ -27,12 +25,12 @@ def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
 
     Raises:
         SimulationError: MuJoCo refuses the model.
-        UnsupportedProblemError: the mechanism cannot be written as MJCF, or starts with a stop's gap moving.
+        UnsupportedProblemError: the mechanism cannot be written as MJCF, or a closed stop's gap changes at the start.
     """
-    _refuse_moving_gaps(mechanism)
+    refuse_moving_gaps(mechanism, "mujoco")
     text = mjcf(mechanism, options.timestep)
     try:
-        with CALLBACK:  # MuJoCo's compiler calls it, too, with a model that Python does not know
+        with CALLBACK:  # MuJoCo's compiler calls it as well, with a model that Python does not know
             model = mujoco.MjModel.from_xml_string(text)
     except ValueError as error:
         raise SimulationError(f"MuJoCo refuses the model of {mechanism.name!r}: {error}") from error
@@ -40,7 +38,7 @@ def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
     model.opt.solver = getattr(mujoco.mjtSolver, f"mjSOL_{options.solver.upper()}")
     model.opt.tolerance = options.tolerance
     model.opt.iterations = options.iterations
-    # MuJoCo answers a divergence by going back to the start, as if nothing had been.
+    # Without this flag MuJoCo resets a diverged simulation to the start and goes on.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     solref = options.solref or _scaled_softness(options)
     model.jnt_solref[:], model.tendon_solref_lim[:] = solref, solref
@@ -49,27 +47,24 @@ def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
     of_points = options.solref or _scaled_softness(options, kept=options.moving_points)
     model.pair_solref[:], model.pair_solimp[:] = of_points, options.solimp
     model.eq_solref[:], model.eq_solimp[:] = of_points, options.solimp
-    for wall in _stop_walls(mechanism, model):
-        if _is_biased(options):
-            model.pair_margin[wall.index] = felt_from(mechanism, options.timestep)
-        else:  # the file's is that of rounding at the machine's size
-            model.pair_margin[wall.index] *= options.margin / MARGIN
+    for contact in stop_contacts(mechanism, model):
+        if _corrects(options):
+            model.pair_margin[contact.index] = felt_from(mechanism, options.timestep)
+        else:  # the MJCF's margin is the rounding error at the mechanism's size
+            model.pair_margin[contact.index] *= options.margin / MARGIN
     return model
 
 
-def bias_of(mechanism: Mechanism, model: Any, options: MujocoOptions) -> Bias:
-    """What is to be changed of the reference accelerations of contacts and equalities: by stock options, nothing."""
-    if not _is_biased(options) or not (model.npair or model.neq):
-        return Bias(model, moving=False)
-    return Bias(model, options.moving_points, {wall.geoms: 0.0 for wall in _stop_walls(mechanism, model)})
+def correction_of(mechanism: Mechanism, model: Any, options: MujocoOptions) -> ReferenceAccelerationCorrection:
+    """The correction of the reference accelerations of contacts and equalities; with stock options it does nothing."""
+    if not _corrects(options) or not (model.npair or model.neq):
+        return ReferenceAccelerationCorrection(model, velocity_term=False)
+    without_margin = {contact.geoms: 0.0 for contact in stop_contacts(mechanism, model)}
+    return ReferenceAccelerationCorrection(model, options.moving_points, without_margin)
 
 
-def _is_biased(options: MujocoOptions) -> bool:
+def _corrects(options: MujocoOptions) -> bool:
     return options.moving_points or options.preload
-
-
-def _stop_walls(mechanism: Mechanism, model: Any) -> list[Wall]:
-    return [hold for hold in stop_holds(mechanism, model).values() if isinstance(hold, Wall)]
 
 
 def _scaled_softness(options: MujocoOptions, kept: bool = False) -> tuple[float, float]:
@@ -84,20 +79,6 @@ def _scaled_softness(options: MujocoOptions, kept: bool = False) -> tuple[float,
     return -1.0 / options.timestep**2, -damping / options.timestep
 
 
-def _refuse_moving_gaps(mechanism: Mechanism) -> None:
-    if not mechanism.start_speeds:
-        return
-    kinematics, start, speeds = Kinematics(mechanism), np.array(mechanism.start), np.array(mechanism.start_speeds)
-    for stop in mechanism.stops:
-        terms = kinematics.gap_gradient(stop.name, start) * speeds
-        speed, unit = float(terms.sum()), "m/s" if isinstance(stop, PointStop) else "rad/s"
-        if stop.closed and abs(speed) > 1e-12 * max(1.0, float(np.abs(terms).max())):
-            raise UnsupportedProblemError(
-                f"stop {stop.name!r} is closed at the start while its gap moves at {speed:.3g} {unit}; MuJoCo would "
-                f"begin with an impact or a parting."
-            )
-
-
 def start_data(model: Any) -> Any:
     """The model's data at the start."""
     data = mujoco.MjData(model)
@@ -105,22 +86,23 @@ def start_data(model: Any) -> Any:
     return data
 
 
-def preload(model: Any, data: Any, closed: Iterable[Hold], bias: Bias) -> None:
-    """Press what holds in as far as its softness would let it be, so that nothing has to settle.
+def preload(
+    model: Any, data: Any, closed: Iterable[UnilateralConstraint], correction: ReferenceAccelerationCorrection
+) -> None:
+    """Preload the active constraints by what their softness gives way, so that they start in balance.
 
-    A soft limit carries a torque f only once it gives way by R f / (k d): standing exactly at its limit it starts
-    1 - d too weak and takes some ten time constants to settle. The margin is as good as a penetration and leaves
-    the start where it is; contacts and equalities are given the acceleration R f instead.
+    A soft limit carries a torque f only at a penetration of R f / (k d): exactly at its limit it starts 1 - d too weak
+    and takes some ten time constants to settle. A margin has the same effect as a penetration and leaves the start
+    unchanged; contacts and equalities are given the acceleration R f instead.
     """
-    for _ in range(_SETTLING):
-        _forward(model, data, bias)
-        for hold in closed:
-            hold.press(model, data, bias)
-        bias.press_ties(data)
-    _forward(model, data, bias)
+    for _ in range(_PRELOAD_ITERATIONS):
+        _forward(data, correction)
+        for constraint in closed:
+            constraint.preload(model, data, correction)
+        correction.preload_equalities(data)
+    _forward(data, correction)
 
 
-def _forward(model: Any, data: Any, bias: Bias) -> None:
-    with bias.applied():
-        bias.restart()
-        mujoco.mj_forward(model, data)
+def _forward(data: Any, correction: ReferenceAccelerationCorrection) -> None:
+    with correction.applied():
+        correction.forward(data)

@@ -1,6 +1,7 @@
-"""What holds a built model besides its joints: limits, walls and tied points, as MuJoCo's constraint rows.
+"""The unilateral constraints of a built model besides its joints, as MuJoCo's constraint rows.
 
-A stop is a limit of a joint or tendon, or a wall that a point's ball rests on; a slot that closes a loop is two walls.
+A stop is a limit of a joint or tendon, or a contact of a point's sphere with a plane; a slot that closes a loop is two
+such contacts.
 """
 
 from __future__ import annotations
@@ -15,16 +16,16 @@ from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism, PointStop, Stop
 from ...models.mjcf.points import RAIL_SIDES, Points, rail_contact, torque_sensor
 from ...models.mjcf.writer import FAR, MARGIN
-from .moving_points import Bias
+from .reference_acceleration import ReferenceAccelerationCorrection
 
 mujoco: Any = importlib.import_module("mujoco")  # it carries no types
 
 
-class Hold(Protocol):
-    """One unilateral row that can be taken out, and pressed in through its margin."""
+class UnilateralConstraint(Protocol):
+    """One constraint row that only pushes; MuJoCo's softness lets it give way by R f / (k d) under a force f."""
 
     def remove(self, model: Any) -> None:
-        """Take it out of the model."""
+        """Remove it from the model."""
         ...
 
     def row(self, data: Any) -> int | None:
@@ -32,19 +33,19 @@ class Hold(Protocol):
         ...
 
     def gap(self, model: Any, data: Any) -> float:
-        """Its opening as MuJoCo measures it [rad or m]; negative when pressed in."""
+        """Its gap as MuJoCo measures it [rad or m]; negative in penetration."""
         ...
 
-    def close(self, model: Any, data: Any, bias: Bias) -> None:
-        """Let it act where it stands, not pressed in."""
+    def activate(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection) -> None:
+        """Let it act at its current gap, without preload."""
         ...
 
-    def open(self, model: Any, bias: Bias) -> None:
-        """Let it act only where it is pressed in by the position itself."""
+    def deactivate(self, model: Any, correction: ReferenceAccelerationCorrection) -> None:
+        """Let it act in penetration only."""
         ...
 
-    def press(self, model: Any, data: Any, bias: Bias) -> None:
-        """Make up for its softness: if it pushes, press it in by what its force f takes, R f of acceleration."""
+    def preload(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection) -> None:
+        """If it pushes, make up for its softness: add R f, f its force, to its reference acceleration."""
         ...
 
     def torque(self, sensed: FloatArray, positions: FloatArray, model: Any) -> FloatArray:
@@ -62,12 +63,12 @@ class Limit:
     end: int
     """0 for the lower end of the range, 1 for the upper."""
     constraint: int
-    """Type of its rows among MuJoCo's constraints."""
+    """MuJoCo's type of its constraint rows."""
     range: tuple[float, float]
     """Of the joint or tendon, before anything was removed [rad]."""
 
     def remove(self, model: Any) -> None:
-        """Take the limit out of the model; the other end of the range stays."""
+        """Remove the limit from the model; the other end of the range stays."""
         getattr(model, f"{self.element}_range")[self.index, self.end] = FAR if self.end else -FAR
 
     def row(self, data: Any) -> int | None:
@@ -76,29 +77,28 @@ class Limit:
         return int(found[0]) if len(found) else None
 
     def gap(self, model: Any, data: Any) -> float:
-        """Its opening as MuJoCo measures its joint or tendon [rad]."""
+        """Its gap as MuJoCo measures its joint or tendon [rad]."""
         on_tendon = self.element == "tendon"
         value = data.ten_length[self.index] if on_tendon else data.qpos[model.jnt_qposadr[self.index]]
         return float((1 - 2 * self.end) * (value - self.range[self.end]))
 
-    def close(self, model: Any, data: Any, bias: Bias) -> None:
-        """Put its margin a trifle beyond where the joint or tendon stands."""
-        self.set_margin(model, self.gap(model, data) + MARGIN)
+    def activate(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection) -> None:
+        """Set its margin just above the current gap."""
+        self._set_margin(model, self.gap(model, data) + MARGIN)
 
-    def open(self, model: Any, bias: Bias) -> None:
-        """Take its margin away."""
-        self.set_margin(model, 0.0)
+    def deactivate(self, model: Any, correction: ReferenceAccelerationCorrection) -> None:
+        """Set its margin to zero."""
+        self._set_margin(model, 0.0)
 
-    def press(self, model: Any, data: Any, bias: Bias) -> None:
-        """Through its margin: the reference acceleration k d (margin - gap) is then R f."""
+    def preload(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection) -> None:
+        """By its margin: the reference acceleration k d (margin - gap) is then R f."""
         row = self.row(data)
         if row is not None and data.efc_force[row] > 0:
             stiffness, _, impedance, _ = data.efc_KBIP[row]
-            worth = data.efc_R[row] * data.efc_force[row] / (stiffness * impedance)
-            self.set_margin(model, self.gap(model, data) + worth)
+            penetration = data.efc_R[row] * data.efc_force[row] / (stiffness * impedance)
+            self._set_margin(model, self.gap(model, data) + penetration)
 
-    def set_margin(self, model: Any, margin: float) -> None:
-        """Set how near its limit the joint or tendon feels it [rad]; with more, it is as if pressed in."""
+    def _set_margin(self, model: Any, margin: float) -> None:
         getattr(model, f"{self.element}_margin")[self.index] = margin
 
     def torque(self, sensed: FloatArray, positions: FloatArray, model: Any) -> FloatArray:
@@ -111,66 +111,70 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class Wall:
-    """A plane that a ball rests on: a stop on a point, or a side of a slot."""
+class PointContact:
+    """A frictionless contact of a sphere with a plane: a stop on a point, or one side of a slot."""
 
     index: int
     """Of the pair of geoms."""
     geoms: tuple[int, int]
-    """Plane and ball."""
+    """Plane and sphere."""
 
     def remove(self, model: Any) -> None:
-        """Let no ball come near enough to the plane."""
+        """Set the margin so low that the sphere never comes within it."""
         model.pair_margin[self.index] = -FAR
 
     def row(self, data: Any) -> int | None:
-        """Its row among the constraints that are present; None if the ball is out of reach."""
+        """Its row among the constraints that are present; None if the sphere is out of reach."""
         found = np.flatnonzero((data.contact.geom == self.geoms).all(axis=1))
         row = int(data.contact.efc_address[found[0]]) if len(found) else -1
         return row if row >= 0 else None
 
     def gap(self, model: Any, data: Any) -> float:
-        """Distance of the ball from the plane [m]."""
-        plane, ball = self.geoms
+        """Distance of the sphere from the plane [m]."""
+        plane, sphere = self.geoms
         normal = data.geom_xmat[plane].reshape(3, 3)[:, 2]
-        return float((data.geom_xpos[ball] - data.geom_xpos[plane]) @ normal - model.geom_size[ball, 0])
+        return float((data.geom_xpos[sphere] - data.geom_xpos[plane]) @ normal - model.geom_size[sphere, 0])
 
-    def close(self, model: Any, data: Any, bias: Bias) -> None:
-        """As :meth:`open`: its margin is wide enough."""
-        self.open(model, bias)
+    def activate(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection) -> None:
+        """As :meth:`deactivate`: its margin is wide enough."""
+        self.deactivate(model, correction)
 
-    def open(self, model: Any, bias: Bias) -> None:
-        """Let its margin be worth nothing."""
-        bias.walls[self.geoms] = 0.0
+    def deactivate(self, model: Any, correction: ReferenceAccelerationCorrection) -> None:
+        """Let its margin give no acceleration."""
+        correction.contacts[self.geoms] = 0.0
 
-    def press(self, model: Any, data: Any, bias: Bias) -> None:
-        """Through the bias: the margin stays, a step's inner stages may lift the ball farther than its softness."""
+    def preload(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection) -> None:
+        """By the correction, not the margin: inner stages of a step may lift the sphere beyond a small margin."""
         row = self.row(data)
         if row is not None and data.efc_force[row] > 0:
-            bias.walls[self.geoms] = float(data.efc_R[row] * data.efc_force[row])
+            correction.contacts[self.geoms] = float(data.efc_R[row] * data.efc_force[row])
 
     def torque(self, sensed: FloatArray, positions: FloatArray, model: Any) -> FloatArray:
-        """Its force [N], which the sensor has."""
+        """Its force [N], as the sensor gives it."""
         return sensed
 
 
-def stop_holds(mechanism: Mechanism, model: Any) -> dict[str, Hold]:
-    """Each stop's limit or wall, by the stop's name."""
+def stop_constraints(mechanism: Mechanism, model: Any) -> dict[str, UnilateralConstraint]:
+    """Each stop's limit or contact, by the stop's name."""
     return {
-        stop.name: wall(model, stop.name) if isinstance(stop, PointStop) else _limit(model, stop)
+        stop.name: _contact(model, stop.name) if isinstance(stop, PointStop) else _limit(model, stop)
         for stop in mechanism.stops
     }
 
 
-def rails(mechanism: Mechanism, model: Any) -> list[Wall]:
-    """Both walls of each slot that closes a loop."""
-    return [wall(model, rail_contact(slot.name, side)) for slot in Points(mechanism).slots for side in RAIL_SIDES]
+def stop_contacts(mechanism: Mechanism, model: Any) -> list[PointContact]:
+    """The contacts of the stops on points."""
+    return [_contact(model, stop.name) for stop in mechanism.point_stops]
 
 
-def wall(model: Any, name: str) -> Wall:
-    """The wall of that name."""
+def slot_contacts(mechanism: Mechanism, model: Any) -> list[PointContact]:
+    """Both contacts of each slot that closes a loop."""
+    return [_contact(model, rail_contact(slot.name, side)) for slot in Points(mechanism).slots for side in RAIL_SIDES]
+
+
+def _contact(model: Any, name: str) -> PointContact:
     pair = model.pair(name)
-    return Wall(int(pair.id), (int(pair.geom1[0]), int(pair.geom2[0])))
+    return PointContact(int(pair.id), (int(pair.geom1[0]), int(pair.geom2[0])))
 
 
 def _limit(model: Any, stop: Stop) -> Limit:

@@ -21,10 +21,9 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
     under the unilateral law all stay in, and an impact is that of a stiff, damped spring, spread over some steps.
 
     Stops on points are frictionless contacts of a ball with a plane, slots that close a loop are two of them, pins
-    that do are `connect` equalities. MuJoCo holds points only roughly: it leaves the acceleration that a point has
-    from the speeds alone out of contacts, and scaled with the step a stiff reference acceleration follows the inner
-    stages of RK4. The tuned preset mends both in `mjcb_control` (:mod:`.moving_points`); they then give way by some
-    1e-9 m at 1e-3 s.
+    that do are `connect` equalities. MuJoCo holds points only roughly: it leaves (dJ/dt) qvel out of contacts, and a
+    stiff reference acceleration, scaled with the step, follows the errors of RK4's inner stages. The tuned preset
+    corrects both in `mjcb_control` (:mod:`.reference_acceleration`); points then give way by some 1e-9 m at 1e-3 s.
 
     The stock preset leaves every limit in the model for the whole run, as a newcomer would, whatever the law: it
     keeps to release-once only while no stop is met again. It calls a stop released at the end of the first step

@@ -1,4 +1,4 @@
-"""MuJoCo's model as built, looked at in single states: its own mass matrix, forces and forward dynamics."""
+"""The built MuJoCo model in single states: its own mass matrix, forces and forward dynamics."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism
 from ..inspection import Dynamics, Inspection, State
 from .build import load, mujoco, start_data
-from .constraints import Hold, rails, stop_holds
-from .moving_points import Bias, equality_rows
+from .constraints import UnilateralConstraint, slot_contacts, stop_constraints
 from .options import MujocoOptions
 from .read import IN_PLANE, absolute_from_relative
+from .reference_acceleration import ReferenceAccelerationCorrection, equality_rows
 
-# How soft a limit is and how far the solver goes are numerical options; a limit at rest carries the same torque
-# whatever they are. With the hardest impedance MuJoCo takes, each round of settling gains the four digits of 1 - d.
-# This reference presses a limit in by some 1e-10 rad a rad/s^2: far above the rounding of an angle, far below a gap.
+# The softness of a limit and the solver's tolerance are numerical options: a limit at rest carries the same torque
+# with any of them. With the hardest impedance MuJoCo takes, each round gains the four digits of 1 - d. With this
+# stiffness a limit gives way by some 1e-10 rad per rad/s^2: far above the rounding of an angle, far below a gap.
 _AT_REST: Mapping[str, object] = {
     "solver": "Newton",
     "tolerance": 1e-30,
@@ -29,10 +29,10 @@ _AT_REST: Mapping[str, object] = {
     "solimp": (0.9999, 0.9999, 0.001, 0.5, 2.0),
     "moving_points": True,
 }
-# Points are pressed in by an acceleration, whatever their stiffness, and where they stand is rounded to some 1e-15 m:
-# with this one [1/s^2, 1/s], that is nothing.
+# Points are preloaded by an acceleration, whatever their stiffness [1/s^2] and damping [1/s]; their positions are
+# rounded to some 1e-15 m, which such a small stiffness makes negligible.
 _POINTS_AT_REST = (-1.0, -1.0)
-_ROUNDS = 50  # of settling, at most; four do, unless the machine is close to a singular place
+_ROUNDS = 50  # of preloading, at most; four are enough unless the mechanism is close to a singular position
 _SETTLED = 1e-14  # change of the torques in a round, of the largest: rounding
 
 
@@ -41,7 +41,7 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: MujocoOption
 
     Raises:
         SimulationError: MuJoCo refuses the model.
-        UnsupportedProblemError: the mechanism cannot be written as MJCF, or starts with a stop's gap moving.
+        UnsupportedProblemError: the mechanism cannot be written as MJCF, or a closed stop's gap changes at the start.
     """
     built = _Built(mechanism, _at_rest(mechanism, options))
     start, start_speeds = built.start()
@@ -72,16 +72,12 @@ class _Built:
         return start_data(self.model)
 
     @cached_property
-    def holds(self) -> dict[str, Hold]:
-        return stop_holds(self.mechanism, self.model)
+    def constraints(self) -> dict[str, UnilateralConstraint]:
+        return stop_constraints(self.mechanism, self.model)
 
     @cached_property
-    def rails(self) -> list[Hold]:
-        return list(rails(self.mechanism, self.model))
-
-    @cached_property
-    def bias(self) -> Bias:
-        return Bias(self.model, moving=True)
+    def correction(self) -> ReferenceAccelerationCorrection:
+        return ReferenceAccelerationCorrection(self.model, velocity_term=True)
 
     @cached_property
     def sums(self) -> FloatArray:
@@ -99,7 +95,7 @@ class _Built:
         mujoco.mj_kinematics(self.model, data)
         q = [self._angle(data, body.name) for body in self.mechanism.bodies]
         for slot in self.mechanism.slides:
-            q.append(float(np.dot(self._place(data, slot.child) - slot.parent_point, slot.axis)))
+            q.append(float(np.dot(self._joint_position(data, slot.child) - slot.parent_point, slot.axis)))
         turns = np.round((np.array(self.mechanism.start) - q) / (2 * np.pi))
         turns[len(self.mechanism.bodies) :] = 0.0
         return np.array(q) + 2 * np.pi * turns, self.sums @ data.qvel
@@ -109,8 +105,8 @@ class _Built:
         x, y = data.body(body).xmat.reshape(3, 3)[IN_PLANE, 0]
         return float(np.arctan2(-y, x))
 
-    def _place(self, data: Any, body: str) -> FloatArray:
-        """Where the joint of a body is, which is its frame's origin [m]."""
+    def _joint_position(self, data: Any, body: str) -> FloatArray:
+        """Position of a body's joint, which is its frame's origin [m]."""
         return np.asarray(data.body(body).xpos[IN_PLANE])
 
     def dynamics(self, state: State) -> Dynamics:
@@ -128,47 +124,44 @@ class _Built:
             mass_matrix=back.T @ mass @ back,
             forces=back.T @ forces,
             centres={body.name: data.body(body.name).xipos[IN_PLANE] for body in self.mechanism.bodies},
-            stop_gaps={name: hold.gap(self.model, data) for name, hold in self.holds.items()},
+            stop_gaps={name: found.gap(self.model, data) for name, found in self.constraints.items()},
         )
 
     def _torques_at_rest(self, closed: Sequence[str]) -> dict[str, float]:
-        """Press what holds in until none of it accelerates any more; its forces are then a rigid one's [N m or N].
+        """Torques of the closed stops as if they were rigid [N m or N].
 
-        What :func:`.build.preload` does at the start, but wherever a stop stands, and until it has settled.
+        The constraints are preloaded as at the start of a run (:func:`.build.preload`), but at any gap, and until their
+        forces do not change any more.
         """
-        self.bias.walls.clear()
-        self.bias.ties.clear()
-        for hold in self.holds.values():
-            hold.open(self.model, self.bias)
-        with self.bias.applied():
-            self._forward()
-            holds = [self.holds[name] for name in closed]
-            for hold in holds:
-                hold.close(self.model, self.data, self.bias)
-            self._settle([*holds, *self.rails])
-        return {name: self._force(hold) for name, hold in zip(closed, holds, strict=True)}
+        self.correction.contacts.clear()
+        self.correction.equalities.clear()
+        for constraint in self.constraints.values():
+            constraint.deactivate(self.model, self.correction)
+        with self.correction.applied():
+            self.correction.forward(self.data)
+            active = [self.constraints[name] for name in closed]
+            for constraint in active:
+                constraint.activate(self.model, self.data, self.correction)
+            self._settle([*active, *slot_contacts(self.mechanism, self.model)])
+        return {name: self._force(constraint) for name, constraint in zip(closed, active, strict=True)}
 
-    def _settle(self, holds: list[Hold]) -> None:
+    def _settle(self, constraints: list[UnilateralConstraint]) -> None:
         forces = np.zeros(0)
         for _ in range(_ROUNDS):
-            self._forward()
-            before, forces = forces, np.array([*map(self._force, holds), *self._ties()])
+            self.correction.forward(self.data)
+            before, forces = forces, np.array([*map(self._force, constraints), *self._equality_forces()])
             change = np.abs(forces - before).max(initial=0.0) if len(before) else np.inf
             if change <= _SETTLED * np.abs(forces).max(initial=0.0):
                 break
-            for hold in holds:
-                hold.press(self.model, self.data, self.bias)
-            self.bias.press_ties(self.data)
+            for constraint in constraints:
+                constraint.preload(self.model, self.data, self.correction)
+            self.correction.preload_equalities(self.data)
 
-    def _forward(self) -> None:
-        self.bias.restart()
-        mujoco.mj_forward(self.model, self.data)
-
-    def _force(self, hold: Hold) -> float:
-        row = hold.row(self.data)
+    def _force(self, constraint: UnilateralConstraint) -> float:
+        row = constraint.row(self.data)
         return 0.0 if row is None else float(self.data.efc_force[row])
 
-    def _ties(self) -> FloatArray:
-        """Forces of the equalities [N]."""
+    def _equality_forces(self) -> FloatArray:
+        """Forces of the equality constraints [N]."""
         rows = [equality_rows(self.data, index) for index in range(self.model.neq)]
         return self.data.efc_force[np.concatenate(rows)] if rows else np.zeros(0)

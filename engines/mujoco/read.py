@@ -1,4 +1,4 @@
-"""Reading: what MuJoCo's sensors say, in the mechanism's coordinates, names and signs."""
+"""Reading MuJoCo's sensors, in the mechanism's coordinates, names and signs."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from ...models.mjcf.writer import (
 )
 from ...models.trajectory import PointMotion
 from ..protocol import Recording
-from .constraints import Hold
+from .constraints import UnilateralConstraint
 
 IN_PLANE = [0, 2]  # MuJoCo's x and z are our x and y
 
 
 @dataclass
 class Samples:
-    """Times, states (MuJoCo's layout: time, qpos, qvel, ...), sensors and events, as they come."""
+    """Times, states (MuJoCo's layout: time, qpos, qvel, ...), sensors and events of a run."""
 
     releases: dict[str, float | None]
     """When each stop released [s]."""
     steps: int = 0
-    """Steps of MuJoCo, those in vain included."""
+    """Steps of MuJoCo, repeated ones included."""
     times: list[FloatArray] = field(default_factory=list[FloatArray])
     states: list[FloatArray] = field(default_factory=list[FloatArray])
     sensors: list[FloatArray] = field(default_factory=list[FloatArray])
@@ -69,9 +69,9 @@ class _Reader:
             for marker in self.mechanism.markers
         }
 
-    def torque(self, stop: str, hold: Hold) -> FloatArray:
+    def torque(self, stop: str, constraint: UnilateralConstraint) -> FloatArray:
         """A stop's torque [N m], or force [N] if it is on a point."""
-        return hold.torque(self.sensor(torque_sensor(stop))[:, 0], self.positions, self.model)
+        return constraint.torque(self.sensor(torque_sensor(stop))[:, 0], self.positions, self.model)
 
     def reactions(self, q: FloatArray) -> dict[str, FloatArray]:
         """Forces on the children in the world frame [N]: MuJoCo gives those of the tree in the child's frame.
@@ -80,17 +80,19 @@ class _Reader:
         MuJoCo's: the joint's is the opposite.
         """
         angles = {body.name: q[:, i] for i, body in enumerate(self.mechanism.bodies)}
-        tree = {joint.name: self._turned(joint, angles) for joint in self.mechanism.tree_joints}
-        return tree | {joint.name: -self._turned(joint, angles) for joint in self.mechanism.loop_joints}
+        tree = {joint.name: self._in_world(joint, angles) for joint in self.mechanism.tree_joints}
+        return tree | {joint.name: -self._in_world(joint, angles) for joint in self.mechanism.loop_joints}
 
-    def _turned(self, joint: PinJoint | SlotJoint, angles: Mapping[str, FloatArray]) -> FloatArray:
+    def _in_world(self, joint: PinJoint | SlotJoint, angles: Mapping[str, FloatArray]) -> FloatArray:
         """A force sensor's values in the world frame, shape (n, 2)."""
         a, b = self.sensor(force_sensor(joint.name))[:, IN_PLANE].T
         cos, sin = np.cos(angles[joint.child]), np.sin(angles[joint.child])
         return np.stack([a * cos + b * sin, b * cos - a * sin], axis=1)
 
 
-def recording(mechanism: Mechanism, model: Any, holds: Mapping[str, Hold], samples: Samples) -> Recording:
+def recording(
+    mechanism: Mechanism, model: Any, constraints: Mapping[str, UnilateralConstraint], samples: Samples
+) -> Recording:
     """The samples as the engines' common record."""
     states = np.concatenate(samples.states)
     n_q, n_v = int(model.nq), int(model.nv)
@@ -105,7 +107,7 @@ def recording(mechanism: Mechanism, model: Any, holds: Mapping[str, Hold], sampl
         markers=reader.markers(),
         kinetic_energy=reader.sensor(KINETIC_ENERGY)[:, 0],
         potential_energy=reader.sensor(POTENTIAL_ENERGY)[:, 0],
-        stop_torques={name: reader.torque(name, hold) for name, hold in holds.items()},
+        stop_torques={name: reader.torque(name, constraint) for name, constraint in constraints.items()},
         release_times=samples.releases,
         joint_reactions=reader.reactions(q),
         steps=samples.steps,

@@ -1,4 +1,4 @@
-"""Stepping: MuJoCo's own loop between releases, a bisection on the step where one is."""
+"""Stepping: MuJoCo's own loop between releases, a bisection of the step in which one is."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from ...models.errors import SimulationError
 from ...models.mjcf.writer import torque_sensor
 from ...models.problem import Problem, StopLaw
 from ..protocol import Recording
-from .build import bias_of, load, mujoco, preload, start_data
-from .constraints import rails, stop_holds
+from .build import correction_of, load, mujoco, preload, start_data
+from .constraints import slot_contacts, stop_constraints
 from .options import MujocoOptions
 from .read import Samples, recording
 
 _rollout: Any = importlib.import_module("mujoco.rollout")
 
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
-_CHUNK = 256  # steps between looks at the torques; at most these are run in vain at a release
+_CHUNK = 256  # steps between checks of the torques; at most these are repeated at a release
 _HALVINGS = 45  # of the step in which a release is: to 3e-14 of it
 _ROUNDING = 1e-15  # times closer than this (relatively) are one time
 
@@ -32,19 +32,19 @@ def run(problem: Problem, options: MujocoOptions) -> Recording:
 
     Raises:
         SimulationError: MuJoCo refused the model, or warned that it diverged.
-        UnsupportedProblemError: the mechanism cannot be built, or starts with an impact.
+        UnsupportedProblemError: the mechanism cannot be built, or starts with a closed stop whose gap changes.
     """
     stepper = _Stepper(problem, options)
     with _warnings_raised():
         stepper.begin()
-        with stepper.bias.applied():
-            stepper.proceed()
-    return recording(problem.mechanism, stepper.model, stepper.holds, stepper.samples)
+        with stepper.correction.applied():
+            stepper.integrate()
+    return recording(problem.mechanism, stepper.model, stepper.constraints, stepper.samples)
 
 
 @contextmanager
 def _warnings_raised() -> Generator[None]:
-    """Turn MuJoCo's warnings into an error; left alone it fills the states that are missing and writes a log file."""
+    """Turn MuJoCo's warnings into an error; otherwise it fills the missing states and writes a log file."""
     messages: list[str] = []
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(messages.append)
@@ -57,145 +57,140 @@ def _warnings_raised() -> Generator[None]:
 
 
 class _Stepper:
-    """The model on its way through a problem."""
+    """Steps the model through a problem and records it."""
 
     def __init__(self, problem: Problem, options: MujocoOptions) -> None:
         self.problem, self.options = problem, options
         self.model = load(problem.mechanism, options)
         self.data = start_data(self.model)
-        self.holds = stop_holds(problem.mechanism, self.model)
-        self.bias = bias_of(problem.mechanism, self.model, options)
-        self.columns = {name: int(self.model.sensor(torque_sensor(name)).adr[0]) for name in self.holds}
-        self.holding = [stop.name for stop in problem.mechanism.stops if stop.closed]
+        self.constraints = stop_constraints(problem.mechanism, self.model)
+        self.correction = correction_of(problem.mechanism, self.model, options)
+        self.columns = {name: int(self.model.sensor(torque_sensor(name)).adr[0]) for name in self.constraints}
+        self.active = [stop.name for stop in problem.mechanism.stops if stop.closed]
         self.removes = problem.stop_law is StopLaw.RELEASE_ONCE and not options.keep_limits
-        self.samples = Samples(dict.fromkeys(self.holds))
+        self.samples = Samples(dict.fromkeys(self.constraints))
         self.size = mujoco.mj_stateSize(self.model, _STATE)
 
     def begin(self) -> None:
-        """Decide which stops push, and record the start."""
+        """Find which stops push, and record the start."""
         if self.removes:
-            for name in self.holds.keys() - set(self.holding):
-                self.holds[name].remove(self.model)
-        with self.bias.applied():
-            self._forward()
-            self._release(self._slack(), 0.0)
+            for name in self.constraints.keys() - set(self.active):
+                self.constraints[name].remove(self.model)
+        with self.correction.applied():
+            self.correction.forward(self.data)
+            self._release(self._inactive(), 0.0)
         if self.options.preload:
-            closed = [self.holds[name] for name in self.holding] + rails(self.problem.mechanism, self.model)
-            preload(self.model, self.data, closed, self.bias)
+            active = [self.constraints[name] for name in self.active]
+            preload(self.model, self.data, active + slot_contacts(self.problem.mechanism, self.model), self.correction)
         self._record(0.0)
 
-    def proceed(self) -> None:
+    def integrate(self) -> None:
         """Step to the end of the problem."""
         duration, n = self.problem.duration, self._whole_steps()
         k = 0
         while k < n:
-            k = self._run_on(k, min(_CHUNK, n - k))
+            k = self._advance(k, min(_CHUNK, n - k))
         if self._times(n) < duration:
-            self._cross(float(self._times(n)), duration)
+            self._step_through_releases(float(self._times(n)), duration)
 
     def _whole_steps(self) -> int:
-        """How many time steps the problem has room for, but for rounding."""
+        """Number of whole time steps in the problem's duration, but for rounding."""
         steps = self.problem.duration / self.options.timestep
         return round(steps) if abs(steps - round(steps)) < _ROUNDING * steps else int(steps)
 
     def _times(self, k: Any) -> FloatArray:
-        """Times after k time steps [s]; the last is the problem's end, not a rounding beside it."""
+        """Times after k time steps [s]; the last one is exactly the problem's end."""
         times = self.options.timestep * np.asarray(k)
         duration = self.problem.duration
         return np.where(np.abs(times - duration) < _ROUNDING * duration, duration, times)
 
-    def _pieces(self) -> int:
-        """Steps of MuJoCo to a time step, now."""
-        return 1 if self.holding else self.options.free_substeps
+    def _substeps(self) -> int:
+        """Steps of MuJoCo per time step, now."""
+        return 1 if self.active else self.options.free_substeps
 
-    def _run_on(self, k: int, n: int) -> int:
-        """Take n time steps from step k, or up to and including the first with a release; the step reached."""
+    def _advance(self, k: int, n: int) -> int:
+        """Take n time steps from step k, or up to and including the first with a release; return the step reached."""
         before = self._state()
-        states, sensed = self._rolled(before, n)
+        states, sensed = self._rolled_out(before, n)
         clear = self._steps_before_a_release(sensed)
         self.samples.add(self._times(np.arange(k + 1, k + clear + 1)), states[:clear], sensed[:clear])
         if clear == n:
             return k + n
         self._restore(states[clear - 1] if clear else before)
-        self._cross(*map(float, self._times([k + clear, k + clear + 1])))
+        self._step_through_releases(*map(float, self._times([k + clear, k + clear + 1])))
         return k + clear + 1
 
-    def _rolled(self, before: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
+    def _rolled_out(self, before: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
         """States and sensors after each of n time steps, by MuJoCo's loop; shapes (n, n_state), (n, n_sensor)."""
-        pieces = self._pieces()
-        self.model.opt.timestep = self.options.timestep / pieces
-        self.bias.restart()
-        states, sensed = _rollout.rollout(self.model, self.data, before[None], nstep=n * pieces)
-        self.samples.steps += n * pieces
+        substeps = self._substeps()
+        self.model.opt.timestep = self.options.timestep / substeps
+        self.correction.begin_step()
+        states, sensed = _rollout.rollout(self.model, self.data, before[None], nstep=n * substeps)
+        self.samples.steps += n * substeps
         # Its sensors are those before each step, and the data are left at the last stage of RK4.
         self._restore(states[0, -1])
-        self._forward()
+        self.correction.forward(self.data)
         after = np.concatenate([sensed[0, 1:], self.data.sensordata[None]])
-        return states[0, pieces - 1 :: pieces], after[pieces - 1 :: pieces]
+        return states[0, substeps - 1 :: substeps], after[substeps - 1 :: substeps]
 
     def _steps_before_a_release(self, sensed: FloatArray) -> int:
-        columns = [self.columns[name] for name in self.holding]
-        slack = (sensed[:, columns] == 0).any(axis=1)
-        return int(np.argmax(slack)) if slack.any() else len(sensed)
+        columns = [self.columns[name] for name in self.active]
+        inactive = (sensed[:, columns] == 0).any(axis=1)
+        return int(np.argmax(inactive)) if inactive.any() else len(sensed)
 
-    def _cross(self, start: float, end: float) -> None:
-        """Go from one time to another [s], halting at every release between them."""
+    def _step_through_releases(self, start: float, end: float) -> None:
+        """Step from one time to another [s], halting at every release between them."""
         while start < end:
             before, reached = self._state(), end
-            self._step_on(before, end - start)
-            slack = self._slack()
-            if slack and self.options.locate_releases:
-                part, slack = self._locate(before, end - start, slack)
+            self._step(before, end - start)
+            inactive = self._inactive()
+            if inactive and self.options.locate_releases:
+                part, inactive = self._locate(before, end - start, inactive)
                 reached = start + part
-                # What is left to the end, or was done since the start, may be no more than rounding.
+                # What remains to the end, or was stepped since the start, may be no more than rounding.
                 reached = end if end - reached < _ROUNDING * end else reached
-            self._release(slack, reached)
+            self._release(inactive, reached)
             if reached - start > _ROUNDING * end:
                 self._record(reached)
             start = reached
 
-    def _locate(self, before: FloatArray, step: float, slack: list[str]) -> tuple[float, list[str]]:
+    def _locate(self, before: FloatArray, step: float, inactive: list[str]) -> tuple[float, list[str]]:
         """The shortest part of a step [s] after which stops carry no torque, and these; the data are left there."""
         low, high = 0.0, step
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
-            self._step_on(before, middle)
-            found = self._slack()
-            low, high, slack = (low, middle, found) if found else (middle, high, slack)
-        # The solver's warm start makes the last bit of a torque depend on what was done before: a stop found
-        # slack above may come out a trifle taut here, and is released all the same.
-        self._step_on(before, high)
-        return high, slack
+            self._step(before, middle)
+            found = self._inactive()
+            low, high, inactive = (low, middle, found) if found else (middle, high, inactive)
+        # The solver's warm start makes the last bit of a torque depend on the steps before: a stop that was found
+        # inactive above may carry a last bit of torque here, and is released all the same.
+        self._step(before, high)
+        return high, inactive
 
-    def _step_on(self, before: FloatArray, step: float) -> None:
-        """Go on from a state by a time step [s], and find the forces at its end."""
-        pieces = self._pieces()
+    def _step(self, before: FloatArray, step: float) -> None:
+        """Take one time step [s] from a state, and find the forces at its end."""
+        substeps = self._substeps()
         self._restore(before)
-        self.model.opt.timestep = step / pieces
-        self.bias.restart()
-        mujoco.mj_step(self.model, self.data, pieces)
-        self._forward()
-        self.samples.steps += pieces
+        self.model.opt.timestep = step / substeps
+        self.correction.begin_step()
+        mujoco.mj_step(self.model, self.data, substeps)
+        self.correction.forward(self.data)
+        self.samples.steps += substeps
 
-    def _forward(self) -> None:
-        """Find the forces of the state as it stands."""
-        self.bias.restart()
-        mujoco.mj_forward(self.model, self.data)
+    def _inactive(self) -> list[str]:
+        """Stops that were active and now carry no torque."""
+        return [name for name in self.active if self.data.sensordata[self.columns[name]] == 0]
 
-    def _slack(self) -> list[str]:
-        """Stops that were holding and now carry no torque."""
-        return [name for name in self.holding if self.data.sensordata[self.columns[name]] == 0]
-
-    def _release(self, slack: list[str], t: float) -> None:
-        """Release stops, and those that turn slack once these are gone."""
-        while slack:
-            for name in slack:
+    def _release(self, inactive: list[str], t: float) -> None:
+        """Release stops, and those that become inactive by their release."""
+        while inactive:
+            for name in inactive:
                 self.samples.releases[name] = t
-                self.holding.remove(name)
+                self.active.remove(name)
                 if self.removes:
-                    self.holds[name].remove(self.model)
-            self._forward()
-            slack = self._slack()
+                    self.constraints[name].remove(self.model)
+            self.correction.forward(self.data)
+            inactive = self._inactive()
 
     def _state(self) -> FloatArray:
         state = np.empty(self.size)

@@ -380,15 +380,15 @@ def test_forces_are_right_from_the_start(name: str) -> None:
 
 
 def test_the_callback_is_given_back() -> None:
-    from trebucheck.engines.mujoco.build import bias_of, load
+    from trebucheck.engines.mujoco.build import correction_of, load
 
     def mine(*_: object) -> None: ...
 
     options = MujocoEngine()
-    bias = bias_of(hinged(), load(hinged(), options), options)
+    correction = correction_of(hinged(), load(hinged(), options), options)
     mujoco.set_mjcb_control(mine)
     try:
-        with bias.applied():
+        with correction.applied():
             assert mujoco.get_mjcb_control() is not mine
         assert mujoco.get_mjcb_control() is mine
     finally:

@@ -1,0 +1,149 @@
+"""Corrections of MuJoCo's reference accelerations `aref`, so that it holds points exactly.
+
+The acceleration of a constraint is J qacc + (dJ/dt) qvel, and MuJoCo drives it towards the reference acceleration
+aref = -b v - k r (v and r the constraint's speed and position). For limits J is constant. For `connect` equalities
+(dJ/dt) qvel is counted since MuJoCo 3.7; for contacts it is left out ("Dual problem" in MuJoCo's documentation), and
+the point is then off by (dJ/dt) qvel / k. MuJoCo computes aref before it calls `mjcb_control` and uses it afterwards,
+so the callback can correct it.
+
+The term alone is not enough with k scaled to the step. RK4's inner stages violate the constraint by their own errors
+of order timestep^2, which k turns into accelerations that do not decrease with the step. So -b v - k r is kept
+constant through all stages of a step: each step then integrates a smooth problem without stiffness, and the feedback
+acts from step to step.
+"""
+
+from __future__ import annotations
+
+import importlib
+import threading
+from collections.abc import Generator, Hashable
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.arrays import FloatArray
+
+mujoco: Any = importlib.import_module("mujoco")  # it carries no types
+
+CALLBACK = threading.RLock()  # MuJoCo has one callback for all models and threads of a process
+
+
+@dataclass
+class ReferenceAccelerationCorrection:
+    """Changes of the reference accelerations of a model's contacts and equality constraints.
+
+    While :meth:`applied`, call :meth:`begin_step` before every forward pass, and before every series of steps.
+    """
+
+    model: Any
+    velocity_term: bool
+    """Whether (dJ/dt) qvel is counted, and the feedback -b v - k r kept through a step."""
+    contacts: dict[tuple[int, int], float] = field(default_factory=dict[tuple[int, int], float])
+    """By plane and sphere, the acceleration that replaces the one due to a contact's margin [m/s^2]."""
+    equalities: dict[int, FloatArray] = field(default_factory=dict[int, FloatArray])
+    """Accelerations added to the rows of an equality constraint, by its index, each of shape (3,) [m/s^2]."""
+    _feedback: dict[Hashable, Any] = field(default_factory=dict[Hashable, Any])
+    """-b v - k r at the start of the step, by contact or equality constraint."""
+    _stage: int = 0
+
+    @contextmanager
+    def applied(self) -> Generator[None]:
+        """Correct the reference accelerations in this thread's calls of MuJoCo; other threads' are unchanged."""
+        if not (self.velocity_term or self.contacts or self.equalities):
+            yield
+            return
+        owner = threading.get_ident()
+
+        def control(model: Any, data: Any) -> None:
+            if threading.get_ident() == owner:
+                self._correct(model, data)
+
+        with CALLBACK:
+            before = mujoco.get_mjcb_control()
+            mujoco.set_mjcb_control(control)
+            try:
+                yield
+            finally:
+                mujoco.set_mjcb_control(before)
+
+    def begin_step(self) -> None:
+        """The next forward pass is the first stage of a step."""
+        self._stage = 0
+
+    def forward(self, data: Any) -> None:
+        """MuJoCo's forward dynamics of the current state."""
+        self.begin_step()
+        mujoco.mj_forward(self.model, data)
+
+    def preload_equalities(self, data: Any) -> None:
+        """Add R f to the equality constraints, the acceleration by which their softness would let their points part."""
+        for index in range(self.model.neq):
+            rows = equality_rows(data, index)
+            self.equalities[index] = data.efc_R[rows] * data.efc_force[rows]
+
+    def _correct(self, model: Any, data: Any) -> None:
+        if self._stage % self._stages == 0:
+            self._feedback.clear()
+        self._stage += 1
+        self._correct_contacts(model, data)
+        for index in range(model.neq):
+            rows = equality_rows(data, index)
+            reference = data.efc_aref[rows]
+            if self.velocity_term:
+                feedback = self._feedback.setdefault(index, _feedback(data, rows))
+                reference = feedback - _equality_velocity_term(model, data, index)
+            data.efc_aref[rows] = reference + self.equalities.get(index, 0.0)
+
+    @cached_property
+    def _stages(self) -> int:
+        """Forward passes per step."""
+        return 4 if self.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4 else 1
+
+    def _correct_contacts(self, model: Any, data: Any) -> None:
+        velocity_terms: dict[int, FloatArray] = {}
+        pairs = zip(data.contact.efc_address.tolist(), data.contact.geom.tolist(), strict=True)
+        for i, (row, (plane, sphere)) in enumerate(pairs):
+            if row < 0:
+                continue
+            reference = float(data.efc_aref[row])
+            if self.velocity_term:
+                if sphere not in velocity_terms:
+                    # Of the sphere's centre, not the point of contact: its gap does not depend on its rotation.
+                    velocity_terms[sphere] = _velocity_term(
+                        model, data, data.geom_xpos[sphere], model.geom_bodyid[sphere]
+                    )
+                feedback = self._feedback.setdefault((plane, sphere), _feedback(data, row))
+                reference = feedback - data.contact.frame[i, :3] @ velocity_terms[sphere]
+            if (plane, sphere) in self.contacts:
+                stiffness, _, impedance, _ = data.efc_KBIP[row]
+                reference += self.contacts[plane, sphere] - stiffness * impedance * data.efc_margin[row]
+            data.efc_aref[row] = reference
+
+
+def equality_rows(data: Any, index: int) -> NDArray[np.intp]:
+    """The three rows of an equality constraint."""
+    kind = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+    return np.flatnonzero((data.efc_type == kind) & (data.efc_id == index))
+
+
+def _feedback(data: Any, rows: Any) -> Any:
+    """-b v - k r of constraint rows [m/s^2]."""
+    stiffness, damping, impedance, _ = data.efc_KBIP[rows].T
+    return -damping * data.efc_vel[rows] - stiffness * impedance * (data.efc_pos[rows] - data.efc_margin[rows])
+
+
+def _velocity_term(model: Any, data: Any, point: FloatArray, body: int) -> FloatArray:
+    """(dJ/dt) qvel of a body's point: its acceleration when the joints' accelerations are zero, shape (3,) [m/s^2]."""
+    rate = np.zeros((3, model.nv))
+    mujoco.mj_jacDot(model, data, rate, None, point, body)
+    return rate @ data.qvel
+
+
+def _equality_velocity_term(model: Any, data: Any, index: int) -> FloatArray:
+    sites = model.eq_obj1id[index], model.eq_obj2id[index]
+    one, other = (_velocity_term(model, data, data.site_xpos[site], model.site_bodyid[site]) for site in sites)
+    return one - other
