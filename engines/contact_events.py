@@ -144,11 +144,11 @@ def refuse_moving_gaps(mechanism: Mechanism, engine: str) -> None:
     """
     kinematics, (q, u) = Kinematics(mechanism), initial_state(mechanism)
     for stop in mechanism.stops:
-        terms = kinematics.gap_gradient(stop.name, q) * u
+        terms = kinematics.gap_jacobian(stop.name, q) * u
         if stop.closed and abs(terms.sum()) > _ROUNDING * max(1.0, float(np.abs(terms).sum())):
             raise UnsupportedProblemError(
                 f"{engine} cannot start with stop {stop.name!r} closed while its gap changes at {terms.sum():.3g} "
-                f"{stop.gap_unit}/s: that is an impact or an opening at t = 0."
+                f"{stop.speed_unit}: that is an impact or an opening at t = 0."
             )
 
 

@@ -16,16 +16,56 @@ from functools import cached_property
 import numpy as np
 
 from .arrays import ComplexArray, FloatArray
-from .mechanism import GROUND, Mechanism, PointStop
+from .mechanism import GROUND, Mechanism, SlotJoint
 from .spec import Vector
 
 
 @dataclass(frozen=True)
-class PointRow:
+class PointCoefficients:
     """A body's point as coefficients over the coordinates: z = offset + coefficients . w(q)."""
 
     offset: complex
     coefficients: ComplexArray
+
+
+@dataclass(frozen=True)
+class AngleGap:
+    """Gap of a stop on angles: constant + coefficients . q [rad]; linear, so its Jacobian is constant."""
+
+    constant: float
+    coefficients: FloatArray
+
+    def value(self, q: FloatArray, phasors: ComplexArray) -> FloatArray:
+        """The gap, shape (...,)."""
+        return q @ self.coefficients + self.constant
+
+    def jacobian(self, rates: ComplexArray) -> FloatArray:
+        """D gap/dq, shape (n_q,): the same in every state."""
+        return self.coefficients
+
+    def bias(self, curvature: ComplexArray) -> FloatArray:
+        """d/dt(Jacobian) u: 0."""
+        return np.zeros(curvature.shape[:-1])
+
+
+@dataclass(frozen=True)
+class PointGap:
+    """Gap of a stop on a point: constant + Re(coefficients . w(q)) [m]."""
+
+    constant: float
+    coefficients: ComplexArray
+
+    def value(self, q: FloatArray, phasors: ComplexArray) -> FloatArray:
+        """The gap, shape (...,)."""
+        return (phasors @ self.coefficients).real + self.constant
+
+    def jacobian(self, rates: ComplexArray) -> FloatArray:
+        """D gap/dq, shape (..., n_q)."""
+        return (rates * self.coefficients).real
+
+    def bias(self, curvature: ComplexArray) -> FloatArray:
+        """d/dt(Jacobian) u, shape (...,)."""
+        return (curvature @ self.coefficients).real
 
 
 @dataclass(frozen=True)
@@ -41,31 +81,31 @@ class Kinematics:
         return np.array([1.0] * n_bodies + [0.0] * (n_q - n_bodies))
 
     @cached_property
-    def _frames(self) -> dict[str, PointRow]:
+    def _frames(self) -> dict[str, PointCoefficients]:
         """The origin of each body's frame, from the ground outwards."""
         n_q = len(self.mechanism.coordinates)
-        rows = {GROUND: PointRow(0j, np.zeros(n_q, dtype=np.complex128))}
+        rows = {GROUND: PointCoefficients(0j, np.zeros(n_q, dtype=np.complex128))}
         for joint in self.mechanism.tree_joints:
             at = self._point(rows, joint.parent, joint.parent_point)
             coefficients = at.coefficients.copy()
             coefficients[self._index(joint.child)] -= complex(*joint.child_point)
             if joint.kind == "pin-in-slot" and joint.coordinate is not None:
                 coefficients[self.mechanism.coordinates.index(joint.coordinate)] += complex(*joint.axis)
-            rows[joint.child] = PointRow(at.offset, coefficients)
+            rows[joint.child] = PointCoefficients(at.offset, coefficients)
         return rows
 
     def _index(self, body: str) -> int:
         return self.mechanism.coordinates.index(self.mechanism.body(body).angle)
 
-    def _point(self, frames: dict[str, PointRow], body: str, point: Vector) -> PointRow:
+    def _point(self, frames: dict[str, PointCoefficients], body: str, point: Vector) -> PointCoefficients:
         frame = frames[body]
         if body == GROUND:
-            return PointRow(frame.offset + complex(*point), frame.coefficients)
+            return PointCoefficients(frame.offset + complex(*point), frame.coefficients)
         coefficients = frame.coefficients.copy()
         coefficients[self._index(body)] += complex(*point)
-        return PointRow(frame.offset, coefficients)
+        return PointCoefficients(frame.offset, coefficients)
 
-    def point(self, body: str, point: Vector) -> PointRow:
+    def point(self, body: str, point: Vector) -> PointCoefficients:
         """The row of a point given in a body's frame (or the ground's)."""
         return self._point(self._frames, body, point)
 
@@ -77,15 +117,19 @@ class Kinematics:
         """dw/dq, shape like q: -i exp(-i q) for an angle, 1 for a slide."""
         return np.where(self.is_angle > 0, -1j * np.exp(-1j * q), 1.0)
 
-    def position(self, row: PointRow, q: FloatArray) -> FloatArray:
+    def curvature(self, q: FloatArray, u: FloatArray) -> ComplexArray:
+        """d2w/dq2 u^2, shape like q: what the rates' change adds to d2w/dt2."""
+        return -1j * self.is_angle * self.rates(q) * u * u
+
+    def position(self, row: PointCoefficients, q: FloatArray) -> FloatArray:
         """World position [m], shape (..., 2)."""
         return _as_vectors(row.offset + self.phasors(q) @ row.coefficients)
 
-    def velocity(self, row: PointRow, q: FloatArray, u: FloatArray) -> FloatArray:
+    def velocity(self, row: PointCoefficients, q: FloatArray, u: FloatArray) -> FloatArray:
         """World velocity [m/s], shape (..., 2)."""
         return _as_vectors((self.rates(q) * u) @ row.coefficients)
 
-    def acceleration(self, row: PointRow, q: FloatArray, u: FloatArray, a: FloatArray) -> FloatArray:
+    def acceleration(self, row: PointCoefficients, q: FloatArray, u: FloatArray, a: FloatArray) -> FloatArray:
         """World acceleration [m/s^2] for generalized accelerations a, shape (..., 2)."""
         rates = self.rates(q)
         return _as_vectors((rates * a - 1j * self.is_angle * rates * u**2) @ row.coefficients)
@@ -122,56 +166,49 @@ class Kinematics:
         return self.mechanism.gravity * heights @ self.masses
 
     def gap(self, stop: str, q: FloatArray) -> FloatArray:
-        """Gap of a stop [rad, or m for one on a point], shape (...,)."""
-        found = self.mechanism.stop(stop)
-        if isinstance(found, PointStop):
-            row = self.gap_wave(stop)
-            return (row.offset + self.phasors(q) @ row.coefficients).real
-        return q @ self.gap_row(stop) - found.limit
+        """Gap of a stop [its gap_unit], shape (...,)."""
+        return self.gaps[stop].value(q, self.phasors(q))
 
-    def gap_gradient(self, stop: str, q: FloatArray) -> FloatArray:
-        """Gradient of a stop's gap with respect to q, shape (..., n_q)."""
-        if isinstance(self.mechanism.stop(stop), PointStop):
-            return (self.rates(q) * self.gap_wave(stop).coefficients).real
-        return np.broadcast_to(self.gap_row(stop), q.shape)
+    def gap_jacobian(self, stop: str, q: FloatArray) -> FloatArray:
+        """Jacobian of a stop's gap with respect to q, shape (..., n_q)."""
+        return np.broadcast_to(self.gaps[stop].jacobian(self.rates(q)), q.shape)
 
     def gap_bias(self, stop: str, q: FloatArray, u: FloatArray) -> FloatArray:
-        """What a gap's acceleration is without accelerations of q, d/dt(gradient) u, shape (...,)."""
-        if isinstance(self.mechanism.stop(stop), PointStop):
-            return ((-1j * self.is_angle * self.rates(q) * u * u) @ self.gap_wave(stop).coefficients).real
-        return np.zeros(q.shape[:-1])
-
-    def gap_row(self, stop: str) -> FloatArray:
-        """Gradient of the gap of a stop on angles (constant), shape (n_q,)."""
-        if stop not in self._gap_rows:
-            raise TypeError(f"stop {stop!r} is on a point: its gradient is not constant")
-        return self._gap_rows[stop]
-
-    def gap_wave(self, stop: str) -> PointRow:
-        """The gap of a stop on a point as Re(offset + coefficients . w(q))."""
-        if stop not in self._gap_waves:
-            raise TypeError(f"stop {stop!r} is on angles: its gap is linear in them")
-        return self._gap_waves[stop]
+        """The gap's acceleration without accelerations of q, d/dt(Jacobian) u, shape (...,)."""
+        return self.gaps[stop].bias(self.curvature(q, u))
 
     @cached_property
-    def _gap_rows(self) -> dict[str, FloatArray]:
-        rows: dict[str, FloatArray] = {}
+    def gaps(self) -> dict[str, AngleGap | PointGap]:
+        """Coefficients of each stop's gap."""
+        gaps: dict[str, AngleGap | PointGap] = {}
         for stop in self.mechanism.angle_stops:
             row = np.zeros(len(self.is_angle))
             row[self._index(stop.body)] = stop.sense
             if stop.relative_to != GROUND:
                 row[self._index(stop.relative_to)] = -stop.sense
             row.flags.writeable = False  # everybody gets the same one
-            rows[stop.name] = row
-        return rows
+            gaps[stop.name] = AngleGap(-stop.limit, row)
+        for stop in self.mechanism.point_stops:
+            at, normal = self.point(stop.body, stop.point), complex(*stop.normal).conjugate()
+            gaps[stop.name] = PointGap((at.offset * normal).real - stop.offset, at.coefficients * normal)
+        return gaps
 
     @cached_property
-    def _gap_waves(self) -> dict[str, PointRow]:
-        waves: dict[str, PointRow] = {}
-        for stop in self.mechanism.point_stops:
-            row, across = self.point(stop.body, stop.point), complex(*stop.normal).conjugate()
-            waves[stop.name] = PointRow(row.offset * across - stop.offset, row.coefficients * across)
-        return waves
+    def loop_closures(self) -> tuple[PointCoefficients, ...]:
+        """Scalar constraints Re(offset + coefficients . w) = 0 of the joints that close a loop.
+
+        Of a pin the child's point less the parent's, along x and along y; of a slot the distance from its line.
+        """
+        closures: list[PointCoefficients] = []
+        for joint in self.mechanism.loop_joints:
+            parent = self.point(joint.parent, joint.parent_point)
+            child = self.point(joint.child, joint.child_point)
+            offset, coefficients = child.offset - parent.offset, child.coefficients - parent.coefficients
+            # Re(conj(i axis) z) is the distance from the slot's line; Re(z) = x, Re(-i z) = y.
+            slot = isinstance(joint, SlotJoint)
+            directions = ((1j * complex(*joint.axis)).conjugate(),) if slot else (1.0, -1j)
+            closures += [PointCoefficients(offset * along, coefficients * along) for along in directions]
+        return tuple(closures)
 
 
 def initial_state(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:

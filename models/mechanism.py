@@ -8,7 +8,7 @@ from +x, positive **clockwise** (the paper's convention), so a body point (a, b)
 from __future__ import annotations
 
 import cmath
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Annotated, ClassVar, Literal, Self, cast
 
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -71,7 +71,13 @@ class Stop(Spec):
     """
 
     gap_unit: ClassVar[str] = "rad"
+    speed_unit: ClassVar[str] = "rad/s"
     force_unit: ClassVar[str] = "N m"
+    impulse_unit: ClassVar[str] = "N m s"
+    effort: ClassVar[Literal["torque", "force"]] = "torque"
+    """What it pushes with."""
+    position_field: ClassVar[Literal["limit", "offset"]] = "limit"
+    """Name of the field that says where it stands."""
 
     name: Name
     body: Name
@@ -83,6 +89,29 @@ class Stop(Spec):
         default=0.0, description="gap speed after an impact over the one before, under the unilateral law"
     )
 
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies it acts between."""
+        return (self.body, self.relative_to)
+
+    @property
+    def position(self) -> float:
+        """Where it stands: its limit [rad]."""
+        return self.limit
+
+    def component(self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]) -> float:
+        """The component of a motion along the gap, which is linear in it.
+
+        Of angles and places it is gap + position, of velocities the gap's speed, of accelerations the gap's
+        acceleration; so whoever can tell how bodies turn and points move can tell the gap of any stop.
+
+        Args:
+            angle: of a body other than the ground, positive clockwise [rad], or its derivative.
+            point: of a body and a point in its frame: where it is in the world, x + i y [m], or its derivative.
+        """
+        own, other = (0.0 if body == GROUND else angle(body) for body in self.bodies)
+        return self.sense * (own - other)
+
 
 class PointStop(Spec):
     """A unilateral constraint on where a point may be: gap = normal . position - offset >= 0, a half-plane.
@@ -91,7 +120,13 @@ class PointStop(Spec):
     """
 
     gap_unit: ClassVar[str] = "m"
+    speed_unit: ClassVar[str] = "m/s"
     force_unit: ClassVar[str] = "N"
+    impulse_unit: ClassVar[str] = "N s"
+    effort: ClassVar[Literal["torque", "force"]] = "force"
+    """What it pushes with."""
+    position_field: ClassVar[Literal["limit", "offset"]] = "offset"
+    """Name of the field that says where it stands."""
 
     name: Name
     body: Name
@@ -108,6 +143,21 @@ class PointStop(Spec):
         if abs(self.normal[0] ** 2 + self.normal[1] ** 2 - 1.0) > 1e-12:
             raise ValueError(f"normal of {self.name!r} must have length 1")
         return self
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The body it acts on."""
+        return (self.body,)
+
+    @property
+    def position(self) -> float:
+        """Where it stands: its offset [m]."""
+        return self.offset
+
+    def component(self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]) -> float:
+        """The component of a motion along the gap, as for a :class:`Stop`: here that of the point along the normal."""
+        at = point(self.body, self.point)
+        return self.normal[0] * at.real + self.normal[1] * at.imag
 
 
 def _tag_of_stop(value: object) -> str:
@@ -201,6 +251,11 @@ class Mechanism(Spec):
         return body.mass if body.centre == marker.point and body.inertia == 0 else None
 
     @property
+    def force_unit(self) -> str:
+        """Unit of what the stops that are closed at the start push with, for quantities of whichever of them."""
+        return " or ".join(dict.fromkeys(stop.force_unit for stop in self.stops if stop.closed)) or "N m"
+
+    @property
     def angle_stops(self) -> tuple[Stop, ...]:
         """Stops on relative angles."""
         return tuple(stop for stop in self.stops if isinstance(stop, Stop))
@@ -236,8 +291,7 @@ class Mechanism(Spec):
     def _refuse_unknown_bodies(self) -> None:
         known = {GROUND} | {body.name for body in self.bodies}
         used = [(f"joint {j.name!r}", n) for j in self.joints for n in (j.parent, j.child)]
-        used += [(f"stop {s.name!r}", n) for s in self.angle_stops for n in (s.body, s.relative_to)]
-        used += [(f"stop {s.name!r}", s.body) for s in self.point_stops]
+        used += [(f"stop {s.name!r}", n) for s in self.stops for n in s.bodies]
         used += [(f"marker {m.name!r}", m.body) for m in self.markers]
         for joint in self.joints:
             if joint.child == GROUND:
@@ -280,12 +334,16 @@ class Mechanism(Spec):
 
     def _start_gap(self, stop: Stop | PointStop) -> tuple[float, float]:
         """A stop's gap at the start, and how far rounding can move it."""
-        if isinstance(stop, PointStop):
-            at = self._start_place(stop.body, stop.point)
-            gap = stop.normal[0] * at.real + stop.normal[1] * at.imag - stop.offset
-            return gap, _CLOSED_GAP * max(1.0, abs(at))
-        angle = {body.name: self.start[i] for i, body in enumerate(self.bodies)} | {GROUND: 0.0}
-        return stop.sense * (angle[stop.body] - angle[stop.relative_to]) - stop.limit, _CLOSED_GAP
+        sizes = [1.0]
+
+        def place(body: str, point: Vector) -> complex:
+            at = self._start_place(body, point)
+            sizes.append(abs(at))
+            return at
+
+        angle = {body.name: self.start[i] for i, body in enumerate(self.bodies)}
+        gap = stop.component(angle.__getitem__, place) - stop.position
+        return gap, _CLOSED_GAP * max(sizes)
 
     def _start_place(self, body: str, point: Vector) -> complex:
         """Where a body's point is at the start, x + i y [m]."""

@@ -148,7 +148,7 @@ class ActiveSet:
             self.releases[name] = t
 
     def _refuse_open_loops(self, q: FloatArray, u: FloatArray) -> None:
-        apart, speeds = self.equations.loop_gaps(q), self.equations.constraint_jacobian(q, ()) @ u
+        apart, speeds = self.equations.loop_residual(q), self.equations.constraint_jacobian(q, ()) @ u
         if np.any(np.abs(apart) > _FITS) or np.any(np.abs(speeds) > _FITS):
             worst = f"{np.abs(apart).max():.3g} m and {np.abs(speeds).max():.3g} m/s"
             names = ", ".join(joint.name for joint in self.problem.mechanism.loop_joints)

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..models.arrays import ComplexArray, FloatArray
 from ..models.kinematics import Kinematics
-from ..models.mechanism import Mechanism, SlotJoint
+from ..models.mechanism import Mechanism
 
 
 class Equations:
@@ -35,45 +35,20 @@ class Equations:
         self._products: ComplexArray = (centres.conj().T * masses) @ centres
         self._weights: ComplexArray = -1j * mechanism.gravity * (centres.conj().T @ masses)
         self._inertias = np.diag(self.kinematics.inertias)
-        self._loops = self._loop_rows()
-        self._angle_gaps = {stop.name: self.kinematics.gap_row(stop.name) for stop in mechanism.angle_stops}
-        self._point_gaps = {stop.name: self.kinematics.gap_wave(stop.name) for stop in mechanism.point_stops}
+        closures = self.kinematics.loop_closures
+        # Complex rows L whose Re(L . w) is each loop constraint's rate.
+        self._loops = np.array([row.coefficients for row in closures]).reshape(len(closures), len(self._angles))
+        self._loop_offsets = np.array([row.offset for row in closures], dtype=np.complex128)
+        self._gaps = self.kinematics.gaps
 
     @cached_property
     def n_loops(self) -> int:
         """Number of scalar constraints of the loop joints."""
         return len(self._loops)
 
-    def loop_gaps(self, q: FloatArray) -> FloatArray:
-        """How far the points of the loop joints stand apart, component by component [m], shape (..., n_loops)."""
+    def loop_residual(self, q: FloatArray) -> FloatArray:
+        """Loop-closure residual: the loop joints' points apart, by component [m], shape (..., n_loops)."""
         return (self.kinematics.phasors(q) @ self._loops.T + self._loop_offsets).real
-
-    @cached_property
-    def _loop_offsets(self) -> ComplexArray:
-        offsets: list[complex] = []
-        for joint in self.mechanism.loop_joints:
-            parent = self.kinematics.point(joint.parent, joint.parent_point)
-            child = self.kinematics.point(joint.child, joint.child_point)
-            apart = child.offset - parent.offset
-            if isinstance(joint, SlotJoint):
-                offsets.append(apart * (1j * complex(*joint.axis)).conjugate())
-            else:
-                offsets += [apart, -1j * apart]
-        return np.array(offsets, dtype=np.complex128)
-
-    def _loop_rows(self) -> ComplexArray:
-        """Complex rows L whose Re(L . w) is each loop constraint's rate."""
-        rows: list[ComplexArray] = []
-        for joint in self.mechanism.loop_joints:
-            parent = self.kinematics.point(joint.parent, joint.parent_point)
-            child = self.kinematics.point(joint.child, joint.child_point)
-            apart = child.coefficients - parent.coefficients
-            if isinstance(joint, SlotJoint):
-                # Re(conj(i axis) z) is the distance from the slot's line.
-                rows.append(apart * np.conj(1j * complex(*joint.axis)))
-            else:
-                rows += [apart, -1j * apart]  # Re(-i z) = Im z
-        return np.array(rows).reshape(len(rows), len(self._angles))
 
     def _rates(self, q: FloatArray) -> ComplexArray:
         return self._rate_at_zero * np.exp(self._exponent * q)
@@ -100,27 +75,18 @@ class Equations:
         """G(q): loop joints first, then the gaps of the closed stops, shape (..., n_constraints, n_q)."""
         rates = self._rates(q)
         loops = (self._loops * rates[..., None, :]).real
-        return np.concatenate([loops, self._gap_gradients(rates, closed)], axis=-2)
-
-    def _gap_gradients(self, rates: ComplexArray, closed: Sequence[str]) -> FloatArray:
-        n_q = len(self._angles)
-        if not self._point_gaps:
-            gaps = np.array([self._angle_gaps[name] for name in closed]).reshape(len(closed), n_q)
-            return np.broadcast_to(gaps, (*rates.shape[:-1], *gaps.shape))
-        rows = np.empty((*rates.shape[:-1], len(closed), n_q))
+        gaps = np.empty((*q.shape[:-1], len(closed), len(self._angles)))
         for k, name in enumerate(closed):
-            wave = self._point_gaps.get(name)
-            rows[..., k, :] = self._angle_gaps[name] if wave is None else (wave.coefficients * rates).real
-        return rows
+            gaps[..., k, :] = self._gaps[name].jacobian(rates)
+        return np.concatenate([loops, gaps], axis=-2)
 
     def constraint_bias(self, q: FloatArray, u: FloatArray, closed: Sequence[str]) -> FloatArray:
         """gamma(q, u) = dG/dt u; 0 for gaps of angles, which are linear in q; shape (..., n_constraints)."""
         curvature = -1j * self._angles * self._rates(q) * u * u
         loops = (curvature @ self._loops.T).real
-        gaps = np.zeros((*q.shape[:-1], len(closed)))
+        gaps = np.empty((*q.shape[:-1], len(closed)))
         for k, name in enumerate(closed):
-            if name in self._point_gaps:
-                gaps[..., k] = (curvature @ self._point_gaps[name].coefficients).real
+            gaps[..., k] = self._gaps[name].bias(curvature)
         return np.concatenate([loops, gaps], axis=-1)
 
     def solve(self, q: FloatArray, u: FloatArray, closed: Sequence[str]) -> tuple[FloatArray, FloatArray]:

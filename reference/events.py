@@ -79,7 +79,7 @@ class EventFinder:
             return kinematics.gap(watch.stop, state[..., :n])
 
         def speed_at(state: FloatArray) -> FloatArray:
-            return np.sum(kinematics.gap_gradient(watch.stop, state[..., :n]) * state[..., n:], axis=-1)
+            return np.sum(kinematics.gap_jacobian(watch.stop, state[..., :n]) * state[..., n:], axis=-1)
 
         def gap(t: float) -> float:
             return float(gap_at(np.asarray(piece(t))))

@@ -20,7 +20,7 @@ from ..report.plots import embedded
 from ..runs.results import Machine, Pair, Run
 from . import plots as figures
 from .study import Comparison
-from .summary import COLUMNS, GATE_KINDS, complaints, cost, diagnosis, figure, gate_cell, headline, push, step
+from .summary import COLUMNS, GATE_KINDS, complaints, cost, diagnosis, figure, gate_cell, headline, step
 from .terminal import verdict
 
 _CERTIFIED = ("release_time", "launch_time", "launch_speed", "launch_angle", "range", "stop_torque", "total_energy")
@@ -80,7 +80,6 @@ def report_html(comparison: Comparison) -> str:
         columns=COLUMNS,
         plotly=get_plotlyjs(),
         figure=figure,
-        push=push,
         complaints=complaints,
         diagnosis=diagnosis,
         gate_kinds=GATE_KINDS,

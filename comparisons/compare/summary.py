@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ...models.mechanism import Mechanism, PointStop, Stop
 from ..runs.results import Cause, Equality, Metric, Outcome, Run
 
 
@@ -60,17 +59,6 @@ COLUMNS: tuple[Column, ...] = (
     Column("joint force", "1", _named("joint_reaction_relative")),
     Column("energy", "1", _named("energy_drift"), short="energy"),
 )
-
-
-def push(stop: Stop | PointStop) -> str:
-    """What a stop pushes with, in a word: one on an angle with a torque, one on a point with a force."""
-    return "force" if isinstance(stop, PointStop) else "torque"
-
-
-def push_unit(mechanism: Mechanism) -> str:
-    """Unit of what the closed stops of a machine push with, for figures that are about whichever of them."""
-    units = list(dict.fromkeys(stop.force_unit for stop in mechanism.stops if stop.closed))
-    return " or ".join(units) or "N m"
 
 
 def figure(value: float | None) -> str:

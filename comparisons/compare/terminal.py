@@ -11,7 +11,7 @@ from rich.table import Table
 
 from ...models.trajectory import Trajectory
 from ..runs.results import Machine, Outcome, Pair, Results, Run
-from .summary import COLUMNS, complaints, cost, diagnosis, figure, push, step
+from .summary import COLUMNS, complaints, cost, diagnosis, figure, step
 
 _SHORT = {
     Outcome.OK: "ok",
@@ -125,7 +125,7 @@ def _figures(trajectory: Trajectory) -> list[tuple[str, str]]:
             rows.append((f"{name} opens", "not" if time is None else f"{time:.9f} s"))
     for name, torque in trajectory.stop_torques.items():
         stop = trajectory.mechanism.stop(name)
-        rows.append((f"{name}, largest {push(stop)}", f"{torque.max():.6g} {stop.force_unit}"))
+        rows.append((f"{name}, largest {stop.effort}", f"{torque.max():.6g} {stop.force_unit}"))
     launch = trajectory.launch() if "projectile" in trajectory.markers else None
     if launch is not None:
         rows.append(("launch (velocity at 45 deg)", f"{launch.time:.9f} s"))

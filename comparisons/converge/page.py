@@ -9,7 +9,7 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 from plotly.offline import get_plotlyjs
 
-from ..compare.summary import figure, push_unit
+from ..compare.summary import figure
 from ..report.plots import embedded
 from . import plots as figures
 from . import text as shown
@@ -48,7 +48,6 @@ def page(studies: Studies) -> str:
         failures=shown.failures(studies),
         plotly=get_plotlyjs(),
         figure=figure,
-        push_unit=push_unit,
         shown=shown,
         wall=wall,
     )

@@ -16,7 +16,6 @@ from ...models.arrays import FloatArray
 from ...models.errors import InputError
 from ...models.mechanism import Mechanism
 from ...reference.certification.certificate import Uncertainties, reference_uncertainty
-from ..compare.summary import push_unit
 from ..runs.deviation import Deviation
 from ..runs.trials import Trial, Trials
 from ..runs.worker import Worker
@@ -189,7 +188,7 @@ class _Machine:
         self, name: str, knob: Knob, points: Sequence[Point], without: Trial | None, quantity: QuantityName
     ) -> Curve:
         """Law and floor of one quantity along a study."""
-        own, unit = without is not None, push_unit(self.trials.mechanism)
+        own, unit = without is not None, self.trials.mechanism.force_unit
         errors = [point.error(quantity, own) for point in points]
         known = 0.0 if own else self.uncertainty[quantity]
         law = power_law([point.value for point in points], errors, known)

@@ -104,7 +104,7 @@ def _nearest(mechanism: Mechanism, places: Sequence[float]) -> tuple[float, ...]
     q: FloatArray = np.array(mechanism.start)
     for _ in range(_ROUNDS):
         gaps = np.array([float(equations.kinematics.gap(name, q)) for name in names]) + shifts
-        error: FloatArray = np.concatenate([np.atleast_1d(equations.loop_gaps(q)), gaps])
+        error: FloatArray = np.concatenate([np.atleast_1d(equations.loop_residual(q)), gaps])
         if np.abs(error).max(initial=0.0) <= _FITS * (1 + np.abs(q).max()):
             return tuple(q.tolist())
         q = np.asarray(q - np.linalg.lstsq(equations.constraint_jacobian(q, names), error, rcond=None)[0])

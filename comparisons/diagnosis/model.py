@@ -12,7 +12,7 @@ import numpy as np
 from ...engines.inspection import Dynamics, Inspectable, Inspection, State
 from ...engines.protocol import Engine
 from ...models.arrays import FloatArray
-from ...models.mechanism import Mechanism, Stop
+from ...models.mechanism import Mechanism
 from ...reference.equations import Equations
 from ...reference.perturbed import WithJoint, WithoutCentrifugal
 from ..equivalence.checks import EXACT, Expected, compared, equality, expected, stops_misplaced
@@ -81,7 +81,7 @@ def _plain(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> 
             amount = mistake or f"{mine - theirs:+.3g} {'rad' if i < len(mechanism.bodies) else 'm'}"
             yield Cause(name=f"start of {name}", kind="start", amount=amount, explained=1.0 if mistake else _READ_OFF)
     for name, gap in stops_misplaced(expected(mechanism, states), found.dynamics).items():
-        if abs(gap) > EXACT and isinstance(mechanism.stop(name), Stop):
+        if abs(gap) > EXACT and mechanism.stop(name).effort == "torque":
             amount = f"{math.degrees(gap):+.3g} deg"
             yield Cause(name=f"place of the {name}", kind="machine", amount=amount, explained=_READ_OFF)
     for stop in mechanism.stops:

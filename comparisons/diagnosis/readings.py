@@ -10,7 +10,6 @@ import numpy as np
 from ...models.arrays import IndexArray
 from ...models.trajectory import PointMotion, Trajectory
 from ...reference.solution import Solution
-from ..compare.summary import push
 
 _SMALL = 1e-6
 _INSTANT = 1e-6  # [s]
@@ -36,7 +35,7 @@ def readings(solution: Solution, reference: Trajectory, step: float) -> Iterator
     for name, torque in reference.stop_torques.items():
         if torque.any():
             wrong = replace(reference, stop_torques={**reference.stop_torques, name: torque * (1 + _SMALL)})
-            yield Reading(f"scale of the {name}'s {push(reference.mechanism.stop(name))}", wrong, _scale)
+            yield Reading(f"scale of the {name}'s {reference.mechanism.stop(name).effort}", wrong, _scale)
     scaled = {name: torque * (1 + _SMALL) for name, torque in reference.stop_torques.items()}
     yield Reading("scale of all stop torques", replace(reference, stop_torques=scaled), _scale)
     for name, force in reference.joint_reactions.items():

@@ -81,7 +81,7 @@ def _fitted(equations: Equations, q: FloatArray, touching: tuple[str, ...]) -> F
     """The nearest coordinates at which loops close and the stops touch (Gauss-Newton); None if there are none."""
     for _ in range(30):
         gaps = [float(equations.kinematics.gap(name, q)) for name in touching]
-        error = np.concatenate([np.atleast_1d(equations.loop_gaps(q)), gaps])
+        error = np.concatenate([np.atleast_1d(equations.loop_residual(q)), gaps])
         if np.abs(error).max(initial=0.0) <= _FITS * (1 + np.abs(q).max()):
             return q
         q = q - np.linalg.lstsq(equations.constraint_jacobian(q, touching), error, rcond=None)[0]

@@ -10,7 +10,6 @@ from pydantic import JsonValue
 from ...engines.protocol import Engine
 from ...engines.registry import with_options
 from ...models.errors import InputError
-from ..compare.summary import push_unit
 from ..runs.trials import Trial, Trials
 from .results import Change, Figures, StockAgainstTuned
 
@@ -37,7 +36,7 @@ def stock_against_tuned(trials: Trials, stock: Engine, tuned: Engine) -> StockAg
         model=trials.mechanism.name,
         engine=stock.name,
         timestep=float(step) if isinstance(step, int | float) else None,
-        force_unit=push_unit(trials.mechanism),
+        force_unit=trials.mechanism.force_unit,
         stock=_measured(trials, stock),
         tuned=_measured(trials, tuned),
         changes=tuple(changes),

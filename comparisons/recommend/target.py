@@ -13,7 +13,6 @@ from ...models.mechanism import Mechanism
 from ...models.spec import Positive, Spec
 from ...reference.certification.certificate import reference_uncertainty, refusal
 from ...reference.solution import Solution
-from ..compare.summary import push_unit
 from ..runs.trials import Trial
 
 _QUANTITIES = ("position", "torque", "release")
@@ -58,7 +57,7 @@ class Asked(Spec):
 
 def unit_of(quantity: str, mechanism: Mechanism) -> str:
     """Of a quantity that can be asked for."""
-    return {"position": "m", "torque": push_unit(mechanism), "release": "s"}[quantity]
+    return {"position": "m", "torque": mechanism.force_unit, "release": "s"}[quantity]
 
 
 def largest_torque(solution: Solution, end: float) -> float:

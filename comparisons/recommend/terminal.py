@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.console import Console
 
 from ...models.mechanism import Mechanism
-from ..compare.summary import figure, push_unit
+from ..compare.summary import figure
 from .results import Advice, Attempt, Choice, EngineAdvice, Errors
 from .target import Asked, unit_of
 
@@ -50,7 +50,7 @@ def _errors(errors: Errors, mechanism: Mechanism) -> str:
     share = "" if errors.torque_share is None else f" ({100 * errors.torque_share:.1g} %)"
     parts = [f"position {figure(errors.position)} m"]
     if any(stop.closed for stop in mechanism.stops):
-        unit = push_unit(mechanism)
+        unit = mechanism.force_unit
         what = "force" if unit == "N" else "torque"
         parts += [f"{what} {figure(errors.torque)} {unit}{share}", f"release {figure(errors.release)} s"]
     return ", ".join(parts)

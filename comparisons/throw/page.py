@@ -18,7 +18,6 @@ from ...models.machines.registry import model
 from ...models.machines.trebuchet import FULCRUM
 from ...models.mechanism import Mechanism, PinJoint
 from ...reference.throw.throw import FlightFigures, LaunchFigures, Performance, Sensitivity, Throw, origin, spoken
-from ..compare.summary import push
 
 if TYPE_CHECKING:
     from ...reference.throw.members import MemberForce, SupportForce
@@ -83,7 +82,7 @@ def _rest_rows(throw: Throw) -> Iterator[Row]:
         opens = "not before the release" if rest.release_time is None else f"{rest.release_time:.9f} s"
         yield f"{rest.name} opens", opens
         stop = throw.mechanism.stop(rest.name)
-        yield f"{rest.name}, {push(stop)} at start", f"{rest.start_torque:.4f} {stop.force_unit}"
+        yield f"{rest.name}, {stop.effort} at start", f"{rest.start_torque:.4f} {stop.force_unit}"
 
 
 def _flight_rows(flight: FlightFigures, measured_from: str) -> Iterator[Row]:

@@ -176,11 +176,11 @@ def _refuse_what_cannot_be_built(mechanism: Mechanism) -> None:
     kinematics, q, u = Kinematics(mechanism), np.array(mechanism.start), start_speeds(mechanism)
     for stop in mechanism.stops:
         # Index 2 would hold the gap's speed at zero from the first step: an impact nobody asked for.
-        terms = kinematics.gap_gradient(stop.name, q) * u
+        terms = kinematics.gap_jacobian(stop.name, q) * u
         if stop.closed and abs(terms.sum()) > _STILL * max(1.0, float(np.abs(terms).sum())):
-            unit = "m/s" if isinstance(stop, PointStop) else "rad/s"
             raise UnsupportedProblemError(
-                f"exudyn cannot start with stop {stop.name!r} closed while its gap changes at {terms.sum():.3g} {unit}."
+                f"exudyn cannot start with stop {stop.name!r} closed while its gap changes at {terms.sum():.3g} "
+                f"{stop.speed_unit}."
             )
         if isinstance(stop, PointStop) and stop.body == GROUND:
             raise UnsupportedProblemError(f"exudyn cannot build {stop.name!r}: a stop on a point of the ground.")

@@ -150,7 +150,7 @@ def _rows(kinematics: Kinematics, q: FloatArray, closed: Sequence[str]) -> Float
             rows.append((apart * _across(joint).conjugate()).real)
         else:
             rows += [apart.real, apart.imag]
-    rows += [kinematics.gap_gradient(name, q) for name in closed]
+    rows += [kinematics.gap_jacobian(name, q) for name in closed]
     return np.stack(rows, axis=-2)
 
 

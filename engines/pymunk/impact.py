@@ -41,7 +41,7 @@ class Impact:
 def gap_speeds(mechanism: Mechanism, names: Collection[str], q: FloatArray, u: FloatArray) -> dict[str, float]:
     """Speeds of the stops' gaps [rad/s or m/s]."""
     kinematics = Kinematics(mechanism)
-    return {name: float(kinematics.gap_gradient(name, q) @ u) for name in names}
+    return {name: float(kinematics.gap_jacobian(name, q) @ u) for name in names}
 
 
 def strike(placed: Mechanism, restitution: Mapping[str, float], pivot_mass: float) -> Impact:

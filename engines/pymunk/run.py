@@ -33,7 +33,7 @@ def record(problem: Problem, engine: PymunkOptions) -> Recording:
 def _refuse_moving_stops(mechanism: Mechanism) -> None:
     kinematics, (q, u) = Kinematics(mechanism), start_of(mechanism)
     for stop in mechanism.stops:
-        row = kinematics.gap_gradient(stop.name, q)
+        row = kinematics.gap_jacobian(stop.name, q)
         if stop.closed and abs(float(row @ u)) > 1e-12 * (1 + float(np.abs(row) @ np.abs(u))):
             raise UnsupportedProblemError(
                 f"pymunk cannot start with the stop {stop.name!r} closed and its gap changing: that is an impact."

@@ -45,7 +45,7 @@ def _is_consistent(machine: Machine, stepper: Stepper, h: float, opened: list[st
     slack = _SLACK * max(map(abs, torques), default=0.0)
     kinematics, (q, u) = Kinematics(machine.mechanism), start_of(machine.mechanism)
     a = reading.accelerations()[0]
-    opening = [float(kinematics.gap_gradient(name, q) @ a) + float(kinematics.gap_bias(name, q, u)) for name in opened]
+    opening = [float(kinematics.gap_jacobian(name, q) @ a) + float(kinematics.gap_bias(name, q, u)) for name in opened]
     return all(torque >= -slack for torque in torques) and all(rate >= 0 for rate in opening)
 
 

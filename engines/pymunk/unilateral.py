@@ -176,7 +176,7 @@ class _Watch:
         if opened is None:
             return None
         gaps = self.kinematics.gap(name, q)
-        speeds = np.sum(self.kinematics.gap_gradient(name, q) * u, axis=-1)
+        speeds = np.sum(self.kinematics.gap_jacobian(name, q) * u, axis=-1)
         for k in range(max(first, opened), first + len(q)):
             gap, speed = float(gaps[k - first]), float(speeds[k - first])
             if gap > 0:

@@ -47,7 +47,7 @@ def available_energy(mechanism: Mechanism) -> float:
     def slope(q: FloatArray) -> FloatArray:
         return -equations.gravity_forces(q) / abs(top or 1.0)
 
-    loops = NonlinearConstraint(equations.loop_gaps, 0.0, 0.0, jac=lambda q: equations.constraint_jacobian(q, ()))
+    loops = NonlinearConstraint(equations.loop_residual, 0.0, 0.0, jac=lambda q: equations.constraint_jacobian(q, ()))
     constraints = [loops] if equations.n_loops else []
     random = np.random.default_rng(_SEED)
     starts = [start, *(start + random.uniform(-np.pi, np.pi, (_STARTS, len(start))))]
@@ -59,4 +59,4 @@ def available_energy(mechanism: Mechanism) -> float:
 
 
 def _closes(equations: Equations, q: FloatArray) -> bool:
-    return bool(np.abs(equations.loop_gaps(q)).max(initial=0.0) < 1e-8)
+    return bool(np.abs(equations.loop_residual(q)).max(initial=0.0) < 1e-8)

@@ -113,9 +113,13 @@ class RedundantSystem:
     def gap(self, x: FloatArray, name: str) -> float:
         """Gap of a stop [rad, or m for one on a point]."""
         stop = self.mechanism.stop(name)
-        if isinstance(stop, PointStop):
-            return float(np.dot(stop.normal, self._point(x, x, stop.body, stop.point)[0])) - stop.offset
-        return float(self._angle_rows[name] @ x) - stop.limit
+        return (
+            stop.component(
+                lambda body: float(x[3 * self._index[body] + 2]),
+                lambda body, point: complex(*self._point(x, x, body, point)[0]),
+            )
+            - stop.position
+        )
 
     def coordinates(self, x: FloatArray) -> FloatArray:
         """The mechanism's own coordinates q, shape (n_q,) [rad or m]."""

@@ -220,7 +220,7 @@ class March:
         found: dict[int, float] = {}
         for stop, (gap, speed) in opening.items():
             acceleration = float(
-                self.kinematics.gap_gradient(stop, moment.q) @ a + self.kinematics.gap_bias(stop, moment.q, moment.u)
+                self.kinematics.gap_jacobian(stop, moment.q) @ a + self.kinematics.gap_bias(stop, moment.q, moment.u)
             )
             found[self.stops.index(stop)] = _time_to_clear(_CLEAR + max(-gap, 0.0), speed, acceleration)
         return found
@@ -228,7 +228,7 @@ class March:
     def _gap(self, stop: str, state: FloatArray) -> tuple[float, float]:
         """Gap and gap speed of a stop [rad, rad/s]."""
         q, u = state[: self.n_q], state[self.n_q : 2 * self.n_q]
-        return float(self.kinematics.gap(stop, q)), float(self.kinematics.gap_gradient(stop, q) @ u)
+        return float(self.kinematics.gap(stop, q)), float(self.kinematics.gap_jacobian(stop, q) @ u)
 
     def _event(self, integrator: Any, outcome: int) -> int | None:
         """Which event function fell through zero; None at the time limit."""

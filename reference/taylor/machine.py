@@ -19,9 +19,9 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.kinematics import Kinematics
+from ...models.kinematics import AngleGap, Kinematics, PointGap
 from ...models.launch import LAUNCH_ANGLE
-from ...models.mechanism import Mechanism, PointStop, SlotJoint
+from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 
 Real = NDArray[np.floating[Any]]
@@ -111,13 +111,13 @@ def relevant_stops(problem: Problem) -> tuple[str, ...]:
 
 def structure_of(problem: Problem, kinematics: Kinematics, present: NDArray[np.bool_]) -> Structure:
     """The structure a problem's numbers belong to."""
-    stops = [problem.mechanism.stop(name) for name in relevant_stops(problem)]
-    rows = [None if isinstance(stop, PointStop) else kinematics.gap_row(stop.name) for stop in stops]
+    gaps = [kinematics.gaps[name] for name in relevant_stops(problem)]
+    rows = [gap.coefficients if isinstance(gap, AngleGap) else None for gap in gaps]
     n_angles = len(problem.mechanism.bodies)
     return Structure(
         n_angles=n_angles,
         n_slides=len(problem.mechanism.coordinates) - n_angles,
-        n_loops=len(_loop_rows(problem.mechanism, kinematics)),
+        n_loops=len(kinematics.loop_closures),
         gap_rows=tuple(None if row is None else tuple(int(entry) for entry in row) for row in rows),
         closes=problem.stop_law is StopLaw.UNILATERAL,
         present=tuple(bool(flag) for flag in present),
@@ -137,26 +137,21 @@ def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real
         _products(centres, masses, kinematics.inertias.astype(real), angles),
         # Q = Re(conj(w') W) = Re(conj(W) w') with W = -i g C^H m.
         _waves((masses @ centres) * (1j * real(mechanism.gravity)), angles),
-        _waves(_wide(_loop_rows(mechanism, kinematics), real), angles),
+        _waves(_wide(_loop_rows(kinematics), real), angles),
         _waves(_wide(_point_rows(problem, kinematics), real), angles),
         _waves(lead, angles),
     )
     parts = [np.stack([section.real, section.imag]).ravel() for section in sections]
     unilateral = problem.stop_law is StopLaw.UNILATERAL
-    limits = [_limit(name, kinematics) * unilateral for name in relevant_stops(problem)]
+    # What is taken off the waves (or angles) of a gap.
+    limits = [-kinematics.gaps[name].constant * unilateral for name in relevant_stops(problem)]
     return cast("Real", np.concatenate([*parts, np.array(limits, dtype=real)]).astype(real))
-
-
-def _limit(name: str, kinematics: Kinematics) -> float:
-    """What is taken off the waves (or angles) of a gap."""
-    stop = kinematics.mechanism.stop(name)
-    return -kinematics.gap_wave(name).offset.real if isinstance(stop, PointStop) else stop.limit
 
 
 def _point_rows(problem: Problem, kinematics: Kinematics) -> NDArray[np.complex128]:
     """Rows L with Re(L w' u) the gap speeds of the stops on points."""
-    stops = [problem.mechanism.stop(name) for name in relevant_stops(problem)]
-    rows = [kinematics.gap_wave(stop.name).coefficients for stop in stops if isinstance(stop, PointStop)]
+    gaps = [kinematics.gaps[name] for name in relevant_stops(problem)]
+    rows = [gap.coefficients for gap in gaps if isinstance(gap, PointGap)]
     return np.array(rows, dtype=np.complex128).reshape(len(rows), len(kinematics.is_angle))
 
 
@@ -179,17 +174,9 @@ def _products(centres: Complex, masses: Real, inertias: Real, angles: NDArray[np
     return cast("Complex", products)
 
 
-def _loop_rows(mechanism: Mechanism, kinematics: Kinematics) -> NDArray[np.complex128]:
+def _loop_rows(kinematics: Kinematics) -> NDArray[np.complex128]:
     """Rows L with Re(L w' u) the rates of the loops' constraints: along x and y of a pin, across a slot."""
-    rows: list[NDArray[np.complex128]] = []
-    for joint in mechanism.loop_joints:
-        parent = kinematics.point(joint.parent, joint.parent_point)
-        child = kinematics.point(joint.child, joint.child_point)
-        apart = child.coefficients - parent.coefficients
-        if isinstance(joint, SlotJoint):
-            rows.append(apart * np.conj(1j * complex(*joint.axis)))
-        else:
-            rows += [apart, -1j * apart]
+    rows = [row.coefficients for row in kinematics.loop_closures]
     return np.array(rows, dtype=np.complex128).reshape(len(rows), len(kinematics.is_angle))
 
 

@@ -89,8 +89,8 @@ class VariationalEquations(Equations):
 
     def _refuse_misfits(self, q: FloatArray, dq: FloatArray, closed: Sequence[str]) -> None:
         for j, tangent in enumerate(self.tangents):
-            limits = {stop.name: stop.limit for stop in tangent.angle_stops}
-            gaps = [self.kinematics.gap_row(name) @ dq[j] - limits[name] for name in closed]
+            positions = {stop.name: stop.position for stop in tangent.stops}
+            gaps = [self.kinematics.gap_jacobian(name, q) @ dq[j] - positions[name] for name in closed]
             moved = self._data.loops[j] @ self.kinematics.phasors(q) + self._data.loop_offsets[j]
             loops = (moved + self._loops @ (self._rates(q) * dq[j])).real
             misfit = np.abs(np.concatenate([np.array(gaps), loops])).max(initial=0.0)

@@ -204,7 +204,7 @@ def test_limits_and_walls_are_decided_at_once(seed: int) -> None:
 def on_the_move() -> Mechanism:
     """The rods with speeds that keep the wall touched."""
     machine = walled(rods_on_a_slot(start=(0.5, -0.4, 0.6), **RODS), {"wall": ("lower", (0.8, 0.3), 0.4)})
-    gradient = Kinematics(machine).gap_gradient("wall", np.array(machine.start))
+    gradient = Kinematics(machine).gap_jacobian("wall", np.array(machine.start))
     wanted = np.array([1.0, -2.0, 0.3])
     speeds = wanted - gradient * (gradient @ wanted) / (gradient @ gradient)
     return Mechanism(**(dict(machine) | {"start_speeds": tuple(speeds.tolist())}))

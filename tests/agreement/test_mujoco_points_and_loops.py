@@ -354,8 +354,8 @@ def test_mujoco_leaves_the_turning_of_a_contact_out() -> None:
         later, earlier = (equations.constraint_jacobian(q + sign * 1e-6 * u, ()) for sign in (1, -1))
         turning = float(((later - earlier) / 2e-6 @ u)[0])
         # A spring's answer, with what it lags behind: the term changes by some per cent in the steps it takes.
-        assert equations.loop_gaps(q)[0] == pytest.approx(turning * step**2, rel=0.1)
-        assert abs(equations.loop_gaps(held.q[i])[0]) < 1e-3 * abs(turning) * step**2
+        assert equations.loop_residual(q)[0] == pytest.approx(turning * step**2, rel=0.1)
+        assert abs(equations.loop_residual(held.q[i])[0]) < 1e-3 * abs(turning) * step**2
 
 
 def test_without_that_the_trough_is_left_at_once() -> None:

@@ -47,7 +47,7 @@ def test_states_are_where_they_should_be(build: Build) -> None:
     for state in states:
         for stop in mechanism.stops:
             gap = float(equations.kinematics.gap(stop.name, state.q))
-            speed = float(equations.kinematics.gap_row(stop.name) @ state.u)
+            speed = float(equations.kinematics.gap_jacobian(stop.name, state.q) @ state.u)
             if stop.name in state.closed:
                 assert abs(gap) < 1e-13 and abs(speed) < 1e-13  # rounding of angles up to ten
             else:

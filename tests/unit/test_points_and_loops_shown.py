@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
-from trebucheck.comparisons.compare.summary import push_unit
 from trebucheck.comparisons.diagnosis.initialisation import looped
 from trebucheck.comparisons.diagnosis.suspects import machine_suspects, more_wrong
 from trebucheck.comparisons.explain import causes_of
@@ -121,8 +120,8 @@ def test_a_run_says_what_its_stop_pushes_with(capsys: pytest.CaptureFixture[str]
 
 
 def test_units_follow_the_stops() -> None:
-    assert [push_unit(machine) for machine in (tb.fixed(), model("hinged"), model("catapult"))] == ["N m", "N", "N m"]
-    assert push_unit(_mixed()) == "N m"  # its floor is open at the start
+    assert [machine.force_unit for machine in (tb.fixed(), model("hinged"), model("catapult"))] == ["N m", "N", "N m"]
+    assert _mixed().force_unit == "N m"  # its floor is open at the start
 
 
 @pytest.mark.parametrize("machine", [model(name) for name in NEW] + [_mixed()], ids=lambda machine: machine.name)
