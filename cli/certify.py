@@ -32,7 +32,8 @@ def certify_command(
 
     trebucheck certify --models fixed --set l1=9.5
     """
-    from ..comparisons.compare.terminal import console
+    from ..comparisons.report import terminal
+    from ..comparisons.report.certificate import document
     from ..models.files import refuse_unwritable, write_text
 
     chosen = options.parameters(assignments, beam)
@@ -41,8 +42,8 @@ def certify_command(
     for name, mechanism in zip(options.names(models, "--models"), machines, strict=True):
         certificate = _with_progress(mechanism, chosen.whipper(name), _command(name, assignments, beam))
         write_text(out / f"{mechanism.name}.json", certificate.to_json() + "\n")
-        print_certificate(certificate)
-        console().print(f"Certificate: {out / f'{mechanism.name}.json'}\n", soft_wrap=True)
+        terminal.show(document(certificate), terminal.console())
+        terminal.console().print(f"Certificate: {out / f'{mechanism.name}.json'}\n", soft_wrap=True)
 
 
 def _command(name: str, assignments: list[str] | None, beam: float | None) -> str:
@@ -56,7 +57,7 @@ def _command(name: str, assignments: list[str] | None, beam: float | None) -> st
 def _with_progress(mechanism: Mechanism, parameters: TrebuchetParameters | None, command: str) -> Certificate:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from ..comparisons.compare.terminal import progress_console
+    from ..comparisons.report.terminal import progress_console
     from ..reference.certification.certify import certify
 
     columns = (TextColumn("{task.description:<28}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -68,24 +69,3 @@ def _with_progress(mechanism: Mechanism, parameters: TrebuchetParameters | None,
             bar.update(task, description=f"{mechanism.name}: {name}", completed=done, total=of)
 
         return certify(mechanism, parameters, command=command, progress=show)
-
-
-def print_certificate(certificate: Certificate) -> None:
-    """One line a figure: value, uncertainty, unit."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    from ..comparisons.compare.terminal import console
-
-    made = sum(computation.independent for computation in certificate.computations)
-    title = f"{certificate.model}: {len(certificate.figures)} figures from {made} independent computations"
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
-    table.add_column("figure")
-    table.add_column("value", justify="right", no_wrap=True)
-    table.add_column("uncertainty", justify="right", no_wrap=True)
-    table.add_column("unit")
-    for figure in certificate.figures:
-        table.add_row(figure.label, *figure.texts, figure.unit)
-    console().print(table)
-    for sentence in certificate.absent:
-        console().print(f"[yellow]left out[/]: {sentence}", soft_wrap=True)

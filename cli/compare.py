@@ -68,7 +68,7 @@ def _with_progress(
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     from ..comparisons.compare.study import Case, compare
-    from ..comparisons.compare.terminal import progress_console
+    from ..comparisons.report.terminal import progress_console
 
     columns = (TextColumn("{task.description:<28}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     to = progress_console()
@@ -92,11 +92,12 @@ def _with_progress(
 
 
 def _write(comparison: Comparison, out: Path) -> None:
-    from ..comparisons.compare.page import report_html
-    from ..comparisons.compare.terminal import console, print_results
+    from ..comparisons.compare.report import document
+    from ..comparisons.report import html, terminal
     from ..models.files import write_text
 
     write_text(out / "results.json", comparison.results.to_json())
-    write_text(out / "report.html", report_html(comparison))
-    print_results(comparison.results, console())
-    console().print(f"\nReport: {out / 'report.html'}   Data: {out / 'results.json'}", soft_wrap=True)
+    report = document(comparison)
+    write_text(out / "report.html", html.page(report))
+    terminal.show(report, terminal.console())
+    terminal.console().print(f"\nReport: {out / 'report.html'}   Data: {out / 'results.json'}", soft_wrap=True)

@@ -57,8 +57,8 @@ def _with_progress(
 ) -> Studies:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from ..comparisons.compare.terminal import progress_console
     from ..comparisons.converge.study import converge
+    from ..comparisons.report.terminal import progress_console
 
     columns = (TextColumn("{task.description:<40}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     to = progress_console()
@@ -72,9 +72,9 @@ def _with_progress(
 
 
 def _write(studies: Studies, out: Path) -> None:
-    from ..comparisons.compare.terminal import console
     from ..comparisons.converge.page import page
     from ..comparisons.converge.terminal import print_studies
+    from ..comparisons.report.terminal import console
     from ..models.files import write_text
 
     write_text(out / "converge.json", studies.to_json())

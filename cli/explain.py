@@ -37,10 +37,10 @@ def explain_command(
 
     trebucheck explain --preset tuned --timestep 5e-4 --set l1=9.5 --out why
     """
-    from ..comparisons.compare.terminal import console
     from ..comparisons.explain.page import explain_html
     from ..comparisons.explain.study import Study
     from ..comparisons.explain.terminal import print_explanation
+    from ..comparisons.report.terminal import console
     from ..models.files import refuse_unwritable, write_text
 
     study = Study(
@@ -63,7 +63,7 @@ def explain_command(
 def _with_progress(study: Study) -> Explanation:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from ..comparisons.compare.terminal import progress_console
+    from ..comparisons.report.terminal import progress_console
 
     columns = (TextColumn("{task.description:<44}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     to = progress_console()

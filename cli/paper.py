@@ -48,7 +48,7 @@ def paper_command(
 def _with_progress(engines: list[str] | None, sections: list[str] | None, timeout: float) -> Study:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from ..comparisons.compare.terminal import progress_console
+    from ..comparisons.report.terminal import progress_console
     from ..paper.study import study
 
     columns = (TextColumn("{task.description:<40}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -63,7 +63,7 @@ def _with_progress(engines: list[str] | None, sections: list[str] | None, timeou
 
 
 def _write(study: Study, out: Path) -> None:
-    from ..comparisons.compare.terminal import console
+    from ..comparisons.report.terminal import console
     from ..models.files import write_text
     from ..paper.report.page import page
     from ..paper.report.terminal import print_study

@@ -54,10 +54,10 @@ def recommend_command(
 
     trebucheck recommend --model fixed --set l1=9.5 --engines mujoco --position 1e-6 --release 1e-8
     """
-    from ..comparisons.compare.terminal import console
     from ..comparisons.recommend import Asked
     from ..comparisons.recommend.target import read_torque
     from ..comparisons.recommend.terminal import print_advice
+    from ..comparisons.report.terminal import console
     from ..models.errors import InputError
     from ..models.files import refuse_unwritable, write_text
 
@@ -89,8 +89,8 @@ def recommend_command(
 def _with_progress(model: str | Mechanism, asked: Asked, **how: Any) -> Advice:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from ..comparisons.compare.terminal import progress_console
     from ..comparisons.recommend import recommend
+    from ..comparisons.report.terminal import progress_console
 
     columns = (TextColumn("{task.description:<30}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     to = progress_console()

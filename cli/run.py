@@ -32,7 +32,8 @@ def run_command(
 
     trebucheck run --engine pymunk --preset stock --option iterations=30
     """
-    from ..comparisons.compare.terminal import console, print_summary
+    from ..comparisons.report import terminal
+    from ..comparisons.runs.report import document
     from ..engines.registry import engine as make
     from ..models.dataset import save
     from ..models.errors import InputError
@@ -52,8 +53,8 @@ def run_command(
     refuse_unwritable(path.parent)
     trajectory = runner.simulate(problem)
     save(trajectory, path)
-    print_summary(trajectory, console())
-    console().print(f"\nTrajectory: {path}", soft_wrap=True)
+    terminal.show(document(trajectory), terminal.console())
+    terminal.console().print(f"\nTrajectory: {path}", soft_wrap=True)
 
 
 def _to_launch(mechanism: Mechanism) -> float:

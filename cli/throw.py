@@ -67,7 +67,7 @@ def throw_command(
 
     trebucheck throw --model rolling --sensitivities
     """
-    from ..comparisons.compare.terminal import console
+    from ..comparisons.report.terminal import console
     from ..comparisons.throw.page import print_throw, throw_html
     from ..models.files import refuse_unwritable, write_text
     from ..reference.throw.throw import perform

@@ -8,16 +8,17 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import numpy as np
 import plotly.graph_objects as go
 import trebucheck as tb
 from plotly.subplots import make_subplots
 from trebucheck.comparisons.compare import plots as figures
+from trebucheck.comparisons.compare.report import QUANTITIES, difference_row
 from trebucheck.comparisons.compare.study import Comparison
-from trebucheck.comparisons.compare.summary import COLUMNS, step
 from trebucheck.comparisons.converge.results import Studies
 from trebucheck.comparisons.explain.results import Explanation
 from trebucheck.comparisons.recommend import Advice
+from trebucheck.comparisons.report import markdown
+from trebucheck.comparisons.report.document import Column, Document, table
 from trebucheck.comparisons.runs.results import Results
 from trebucheck.models.machines.registry import models
 from trebucheck.models.schema import mechanism_schema, schema_text
@@ -31,18 +32,12 @@ OTHERS = tuple(name for name in models() if name not in ("fixed", "rolling"))
 
 def agreement_table(comparison: Comparison) -> str:
     """The README's tables, one a machine, in Markdown."""
-    parts: list[str] = []
+    columns = (Column("engine"), Column("step", "s"), *(quantity.column for quantity in QUANTITIES))
+    tables = []
     for machine in comparison.results.machines:
-        titles = [f"{c.title} [{c.unit}]" if c.unit != "1" else c.title for c in COLUMNS]
-        parts += [f"**{machine.model.capitalize()} machine**", ""]
-        parts.append("| " + " | ".join(["engine", "step [s]", *titles]) + " |")
-        parts.append("|---" * (len(titles) + 2) + "|")
-        for run in comparison.results.runs:
-            if run.model == machine.model and run.engine != "reference":
-                cells = [column.cell(run).text for column in COLUMNS]
-                parts.append("| " + " | ".join([run.label, step(run), *cells]) + " |")
-        parts.append("")
-    return "\n".join(parts)
+        runs = (run for run in comparison.results.runs if run.model == machine.model and run.engine != "reference")
+        tables.append(table(columns, map(difference_row, runs), f"{machine.model.capitalize()} machine"))
+    return markdown.text(Document("", tuple(tables)))
 
 
 def distance_picture(comparison: Comparison) -> go.Figure:
@@ -53,12 +48,9 @@ def distance_picture(comparison: Comparison) -> go.Figure:
         own = {label: t for (name, label), t in comparison.trajectories.items() if name == machine.model}
         solution = comparison.solutions[machine.model]
         for run in figures.lines(solution, own, machine.compared_to):
-            if run.engine == "reference":
-                continue
-            apart = run.trajectory.marker("projectile").position - run.reference.marker("projectile").position
-            t, values = figures.thinned(run.trajectory.t, np.linalg.norm(apart, axis=1))
-            style = {"name": run.label, "line": run.style, "showlegend": column == 1}
-            figure.add_scatter(x=t, y=values, row=1, col=column, **style)
+            if not run.label.startswith("reference"):
+                t, values = run.difference(figures.position("projectile"))
+                figure.add_scatter(x=t, y=values, row=1, col=column, showlegend=column == 1, **run.style)
     figure.update_yaxes(type="log", exponentformat="power", range=[-12, 0])
     figure.update_yaxes(title="distance from the reference [m]", col=1)
     figure.update_xaxes(title="t [s]")

@@ -1,11 +1,11 @@
-"""Plots of the report, as Plotly figures."""
+"""Plots of a comparison."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -14,54 +14,60 @@ from plotly.subplots import make_subplots
 from ...models.arrays import FloatArray
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
-from ..report.plots import ENGINE_COLOURS, finish, run_style, skeleton
+from ..report.document import Figure
+from ..report.plots import REFERENCE_LINE, finish, run_style, skeleton
+
+if TYPE_CHECKING:
+    from ..runs.results import Machine
+    from .study import Comparison
 
 _POINTS = 500  # drawn per line: enough for the eye, and the report stays a few megabytes
+_LOG: dict[str, Any] = {"type": "log", "exponentformat": "power"}
+
+Quantity = Callable[[Trajectory], FloatArray]
+"""A quantity over time; ValueError where the engine cannot observe it."""
 
 
 @dataclass(frozen=True)
 class Line:
-    """A run as drawn."""
+    """A run as drawn: up to the end of the compared motion."""
 
-    label: str
-    engine: str
-    preset: str
     trajectory: Trajectory
     reference: Trajectory
-    """At the run's own times."""
+    """At the run's own times up to that end."""
+
+    @property
+    def label(self) -> str:
+        """Engine and preset."""
+        return f"{self.trajectory.provenance.engine} {self.trajectory.provenance.preset}"
 
     @property
     def style(self) -> dict[str, Any]:
-        """Colour by engine, dashes by preset."""
-        return run_style(self.engine, self.preset)
+        """Colour by engine, dashes by preset; one entry of the legend for all its lines."""
+        line = run_style(self.trajectory.provenance.engine, self.trajectory.provenance.preset)
+        return {"name": self.label, "legendgroup": self.label, "line": line}
+
+    def values(self, quantity: Quantity) -> tuple[FloatArray, FloatArray]:
+        """Times [s] and values, few enough of them to draw."""
+        t = self.reference.t
+        stride = max(1, len(t) // _POINTS)
+        chosen = [*range(0, len(t), stride), len(t) - 1]
+        return t[chosen], quantity(self.trajectory)[chosen]
+
+    def difference(self, quantity: Quantity) -> tuple[FloatArray, FloatArray]:
+        """Times [s] and absolute differences to the reference, distances for points; few enough of them to draw."""
+        t = self.reference.t
+        difference = quantity(self.trajectory)[: len(t)] - quantity(self.reference)
+        return thinned(t, np.abs(difference) if difference.ndim == 1 else np.linalg.norm(difference, axis=1))
 
 
-def lines(solution: Solution, trajectories: dict[str, Trajectory], end: float) -> list[Line]:
-    """Runs of one machine, cut at the end of the compared motion [s]."""
-    drawn: list[Line] = []
-    for label, trajectory in trajectories.items():
-        engine, preset = trajectory.provenance.engine, trajectory.provenance.preset
-        if engine == "reference" and preset == "tuned":
-            continue  # it is the reference
-        cut = _until(trajectory, end)
-        drawn.append(Line(label, engine, preset, cut, solution.trajectory(cut.t)))
-    return drawn
-
-
-def _until(trajectory: Trajectory, end: float) -> Trajectory:
-    keep = trajectory.t <= end
-
-    def cut(values: Any) -> Any:
-        if isinstance(values, np.ndarray):
-            return values[keep]
-        return {name: part[keep] for name, part in values.items()}
-
-    markers = {
-        name: replace(motion, position=motion.position[keep], velocity=motion.velocity[keep])
-        for name, motion in trajectory.markers.items()
-    }
-    names = ("t", "q", "u", "kinetic_energy", "potential_energy", "stop_torques", "joint_reactions", "joint_gaps")
-    return replace(trajectory, markers=markers, **{name: cut(getattr(trajectory, name)) for name in names})
+def lines(solution: Solution, trajectories: Mapping[str, Trajectory], end: float) -> list[Line]:
+    """Runs of one machine up to `end` [s]; the tuned reference is what they are compared with."""
+    return [
+        Line(trajectory, solution.trajectory(trajectory.t[trajectory.t <= end]))
+        for trajectory in trajectories.values()
+        if (trajectory.provenance.engine, trajectory.provenance.preset) != ("reference", "tuned")
+    ]
 
 
 def thinned(t: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -78,107 +84,130 @@ def _positive(values: FloatArray) -> FloatArray:
     return np.where(values > 0, values, np.nan)
 
 
-def _strided(*arrays: FloatArray) -> list[FloatArray]:
-    stride = max(1, len(arrays[0]) // _POINTS)
-    return [np.concatenate([a[::stride], a[-1:]]) for a in arrays]
+def figures(comparison: Comparison, machine: Machine) -> Iterator[Figure]:
+    """All plots of one machine."""
+    solution, end = comparison.solutions[machine.model], machine.compared_to
+    own = {label: t for (model, label), t in comparison.trajectories.items() if model == machine.model}
+    runs = lines(solution, own, end)
+    text = "The paths of projectile and counterweight, and the machine at the start and at the end."
+    yield Figure(_paths(solution, runs, end), "Motion", text)
+    text = "At each engine's own times; no sample is interpolated."
+    yield Figure(_distances(runs), "Distance from the reference", text)
+    for title, text, unit, quantities in _quantities(machine):
+        if quantities:
+            plot = _over_time(solution, runs, end, quantities, unit)
+            yield Figure(plot, title, f"{text} Below, the differences to the reference.")
+    text = "Of the total energy at the start. Nothing dissipates: any drift is numerical."
+    yield Figure(_energy_drift(solution, runs), "Energy drift", text)
 
 
-def paths(solution: Solution, runs: list[Line], end: float) -> go.Figure:
+def _quantities(machine: Machine) -> Iterator[tuple[str, str, str, dict[str, Quantity]]]:
+    """Title, sentence, unit and quantities of the plots over time."""
+    mechanism = machine.mechanism
+    angles = {body.angle: _coordinate(i) for i, body in enumerate(mechanism.bodies)}
+    yield "Angles", "Absolute, positive clockwise.", "rad", angles
+    closed = {unit: [s for s in mechanism.stops if s.closed and s.force_unit == unit] for unit in ("N m", "N")}
+    text = "At least 0 while the contact of the stop is active, 0 once it is released."
+    yield "Stop torques", text, "N m", {stop.name: _stop_torque(stop.name) for stop in closed["N m"]}
+    yield "Stop forces", text, "N", {stop.name: _stop_torque(stop.name) for stop in closed["N"]}
+    forces = {joint.name: _joint_force(joint.name) for joint in mechanism.joints}
+    yield "Joint forces", "Magnitude of the force on each joint's child.", "N", forces
+
+
+def _coordinate(index: int) -> Quantity:
+    return lambda trajectory: trajectory.q[:, index]
+
+
+def _stop_torque(name: str) -> Quantity:
+    return lambda trajectory: trajectory.stop_torque(name)
+
+
+def _joint_force(name: str) -> Quantity:
+    return lambda trajectory: np.linalg.norm(trajectory.joint_reaction(name), axis=1)
+
+
+def position(name: str) -> Quantity:
+    """Of a marker [m]."""
+    return lambda trajectory: trajectory.marker(name).position
+
+
+def _paths(solution: Solution, runs: Sequence[Line], end: float) -> go.Figure:
     """Projectile and counterweight in the plane; the machine at the start and at the end."""
     figure = go.Figure()
-    times = np.linspace(0.0, end, _POINTS)
-    reference = solution.trajectory(times)
-    mechanism, kinematics = solution.problem.mechanism, solution.equations.kinematics
+    reference = solution.trajectory(np.linspace(0.0, end, _POINTS))
     for which, q in zip(("at the start", "at the end"), (reference.q[0], reference.q[-1]), strict=True):
-        x, y = skeleton(mechanism, kinematics, q)
+        x, y = skeleton(solution.problem.mechanism, solution.equations.kinematics, q)
         wood = {"color": "#c9b79c", "width": 5}
         figure.add_scatter(x=x, y=y, mode="lines+markers", line=wood, showlegend=False, name=which)
-    for name in ("projectile", "counterweight"):
-        if name not in reference.markers:
-            continue
+    for name in (name for name in ("projectile", "counterweight") if name in reference.markers):
         x, y = reference.marker(name).position.T
-        figure.add_scatter(x=x, y=y, name=f"{name}, reference", line={"color": ENGINE_COLOURS["reference"], "width": 4})
+        figure.add_scatter(x=x, y=y, name=f"{name}, reference", line=REFERENCE_LINE)
         for run in runs:
-            x, y = _strided(*run.trajectory.marker(name).position.T)
-            shown = name == "projectile"
-            figure.add_scatter(x=x, y=y, name=run.label, line=run.style, legendgroup=run.label, showlegend=shown)
+            x, y = run.values(position(name))[1].T
+            figure.add_scatter(x=x, y=y, showlegend=name == "projectile", **run.style)
     figure.update_xaxes(title="x [m]")
     figure.update_yaxes(title="y [m]", scaleanchor="x")
     return finish(figure, 620)
 
 
-def over_time(
-    solution: Solution,
-    runs: list[Line],
-    end: float,
-    quantities: dict[str, Callable[[Trajectory], FloatArray]],
-    unit: str,
+def _over_time(
+    solution: Solution, runs: Sequence[Line], end: float, quantities: Mapping[str, Quantity], unit: str
 ) -> go.Figure:
     """Quantities over time above, their differences to the reference below (logarithmic)."""
-    columns = len(quantities)
-    figure = make_subplots(
-        rows=2, cols=columns, shared_xaxes=True, subplot_titles=list(quantities), vertical_spacing=0.08
-    )
+    titles = list(quantities)
+    figure = make_subplots(2, len(titles), shared_xaxes=True, subplot_titles=titles, vertical_spacing=0.08)
     reference = solution.trajectory(np.linspace(0.0, end, _POINTS))
     for column, quantity in enumerate(quantities.values(), start=1):
-        grey = {"color": ENGINE_COLOURS["reference"], "width": 4}
-        figure.add_scatter(
-            x=reference.t, y=quantity(reference), name="reference", line=grey, showlegend=column == 1, row=1, col=column
-        )
-        for run in runs:
-            _draw(figure, run, quantity, column)
+        first = {"showlegend": column == 1, "row": 1, "col": column}
+        figure.add_scatter(x=reference.t, y=quantity(reference), name="reference", line=REFERENCE_LINE, **first)
+        for run, (t, values) in _observed(runs, lambda run, of=quantity: run.values(of)):
+            figure.add_scatter(x=t, y=values, **run.style, **first)
+    _draw_differences(figure, runs, quantities, row=2, showlegend=False)
     figure.update_yaxes(title=f"[{unit}]", row=1, col=1)
     figure.update_yaxes(title=f"difference [{unit}]", row=2, col=1)
-    figure.update_yaxes(type="log", exponentformat="power", row=2)
     figure.update_xaxes(title="t [s]", row=2)
     return finish(figure, 620)
 
 
-def _draw(figure: go.Figure, run: Line, quantity: Callable[[Trajectory], FloatArray], column: int) -> None:
-    try:
-        mine, theirs = quantity(run.trajectory), quantity(run.reference)
-    except ValueError:
-        return  # the engine cannot observe it
-    t, values = _strided(run.trajectory.t, mine)
-    common = {"line": run.style, "legendgroup": run.label, "name": run.label, "col": column}
-    figure.add_scatter(x=t, y=values, row=1, showlegend=column == 1, **common)
-    t, values = thinned(run.trajectory.t, np.abs(mine - theirs))
-    figure.add_scatter(x=t, y=_positive(values), row=2, showlegend=False, **common)
-
-
-def distances(runs: list[Line]) -> go.Figure:
+def _distances(runs: Sequence[Line]) -> go.Figure:
     """Distance of the projectile and of the counterweight from the reference, logarithmic."""
-    figure = make_subplots(rows=1, cols=2, subplot_titles=("projectile", "counterweight"))
-    for column, name in enumerate(("projectile", "counterweight"), start=1):
-        for run in runs:
-            if name not in run.trajectory.markers:
-                continue
-            apart = run.trajectory.marker(name).position - run.reference.marker(name).position
-            t, values = thinned(run.trajectory.t, np.linalg.norm(apart, axis=1))
-            figure.add_scatter(
-                x=t,
-                y=_positive(values),
-                name=run.label,
-                line=run.style,
-                legendgroup=run.label,
-                showlegend=column == 1,
-                row=1,
-                col=column,
-            )
-    figure.update_yaxes(type="log", exponentformat="power", title="distance [m]")
+    quantities = {name: position(name) for name in ("projectile", "counterweight")}
+    figure = make_subplots(1, 2, subplot_titles=list(quantities))
+    _draw_differences(figure, runs, quantities, row=1, showlegend=True)
+    figure.update_yaxes(title="distance [m]")
     figure.update_xaxes(title="t [s]")
     return finish(figure, 460)
 
 
-def energy_drift(solution: Solution, runs: list[Line]) -> go.Figure:
+def _draw_differences(
+    figure: go.Figure, runs: Sequence[Line], quantities: Mapping[str, Quantity], *, row: int, showlegend: bool
+) -> None:
+    for column, quantity in enumerate(quantities.values(), start=1):
+        for run, (t, values) in _observed(runs, lambda run, of=quantity: run.difference(of)):
+            first = {"showlegend": showlegend and column == 1, "row": row, "col": column}
+            figure.add_scatter(x=t, y=_positive(values), **run.style, **first)
+    figure.update_yaxes(row=row, **_LOG)
+
+
+def _observed(
+    runs: Sequence[Line], take: Callable[[Line], tuple[FloatArray, FloatArray]]
+) -> Iterator[tuple[Line, tuple[FloatArray, FloatArray]]]:
+    """What is taken from each run, without the runs whose engine cannot observe it."""
+    for run in runs:
+        try:
+            yield run, take(run)
+        except ValueError:
+            continue
+
+
+def _energy_drift(solution: Solution, runs: Sequence[Line]) -> go.Figure:
     """Energy drift relative to the total energy at the start, logarithmic."""
     start = float(solution.trajectory(np.zeros(1)).total_energy[0])
-    scale = abs(start) or 1.0
     figure = go.Figure()
     for run in runs:
-        t, values = thinned(run.trajectory.t, np.abs(run.trajectory.total_energy - start) / scale)
-        figure.add_scatter(x=t, y=_positive(values), name=run.label, line=run.style)
-    unit = "|E - E(0)| / |E(0)|" if start else "|E - E(0)| [J]"
-    figure.update_yaxes(type="log", exponentformat="power", title=unit)
+        t, energy = run.reference.t, run.trajectory.total_energy
+        t, values = thinned(t, np.abs(energy[: len(t)] - start) / (abs(start) or 1.0))
+        figure.add_scatter(x=t, y=_positive(values), **run.style)
+    figure.update_yaxes(title="|E - E(0)| / |E(0)|" if start else "|E - E(0)| [J]", **_LOG)
     figure.update_xaxes(title="t [s]")
     return finish(figure, 420)

@@ -25,13 +25,13 @@ from ...reference.solution import Solution
 from ...reference.solver import solve, solve_to_launch
 from ..diagnosis.model import gate
 from ..diagnosis.motion import diagnose_motion
+from ..report.numbers import format_number
 from ..runs.metrics import measure
 from ..runs.pairs import against_each_other
 from ..runs.results import Diagnosis, Equality, Machine, Metric, Outcome, Pair, Results, Run
 from ..runs.store import Store
 from ..runs.tolerances import judge
 from ..runs.worker import Worker, simulate_warm
-from .summary import figure
 
 
 @dataclass(frozen=True)
@@ -245,7 +245,7 @@ def _run(
 def _unequal(equality: Equality) -> str:
     if equality.note:
         return equality.note
-    broken = ", ".join(f"{check.label} off by {figure(check.value)}" for check in equality.broken)
+    broken = ", ".join(f"{check.label} off by {format_number(check.value)}" for check in equality.broken)
     return f"the built model differs before any motion: {broken}; its motion was not compared."
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from ...engines.registry import engine
 from ...models.errors import InputError
 from ...reference.certification.certificate import REFUSED_BELOW
-from ..compare.summary import figure
+from ..report.numbers import format_number
 from .results import Floor
 
 Settings = Mapping[str, Any]
@@ -122,12 +122,14 @@ def floor(site: Site, uncertainty: float, finer: Sequence[tuple[float, float]] =
         return Floor(error=site.error, value=site.value, cause=cause, evidence=evidence)
 
     if site.error <= REFUSED_BELOW * uncertainty:
-        return because("the reference's uncertainty", f"it is known to {figure(uncertainty)}, a tenth of this or more")
+        return because(
+            "the reference's uncertainty", f"it is known to {format_number(uncertainty)}, a tenth of this or more"
+        )
     grown = [(value, error) for value, error in finer if error >= GROWN * site.error]
     if grown and site.value is not None and "timestep" in site.turned:
         value, error = grown[-1]
         power = math.log(error / site.error) / math.log(value / site.value)
-        return because("rounding", f"grows again as the step h shrinks, as h^{power:.1f} to {figure(value)} s")
+        return because("rounding", f"grows again as the step h shrinks, as h^{power:.1f} to {format_number(value)} s")
     return because(*_moved_most(site))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 from plotly.offline import get_plotlyjs
 
-from ..compare.summary import figure
+from ..report.numbers import format_number as figure
 from ..report.plots import embedded
 from . import plots as figures
 from . import text as shown

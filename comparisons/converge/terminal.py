@@ -6,7 +6,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from ..compare.summary import figure
+from ..report.numbers import format_number as figure
 from .results import MachineStudies, Studies
 from .text import cause, distance, exponent, failures, floor, knob, of_others, of_the_step, span, tuned_pairs
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..compare.summary import figure
+from ..report.numbers import format_number as figure
 from .results import Curve, Limit, LimitPair, MachineStudies, Point, PowerLaw, Studies, Study
 
 

@@ -7,7 +7,7 @@ from importlib.resources import files
 from jinja2 import Environment, StrictUndefined
 from plotly.offline import get_plotlyjs
 
-from ..compare.summary import figure
+from ..report.numbers import format_number as figure
 from ..report.plots import embedded
 from . import text as shown
 from .plots import bars

@@ -5,7 +5,7 @@ from __future__ import annotations
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from ..compare.summary import figure
+from ..report.numbers import format_number as figure
 from ..report.plots import finish
 from .results import Budget, Quantity, Share
 from .text import main_quantities, percent, shares, spread

@@ -8,7 +8,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from ..compare.summary import figure
+from ..report.numbers import format_number as figure
 from .results import Budget, Explanation, Figures, Quantity, StockAgainstTuned
 from .text import COLUMNS, budgets_of, cells, comparisons_of, explained, leading, main_quantities, percent, verdict
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ..compare.summary import figure
+from ..report.numbers import format_number as figure
 from .results import Budget, Change, Explanation, Figures, Machine, Quantity, Share, StockAgainstTuned
 
 FEW = 1e-3

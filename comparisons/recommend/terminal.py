@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.console import Console
 
 from ...models.mechanism import Mechanism
-from ..compare.summary import figure
+from ..report.numbers import format_number as figure
 from .results import Advice, Attempt, Choice, EngineAdvice, Errors
 from .target import Asked, unit_of
 

@@ -15,6 +15,8 @@ ENGINE_COLOURS = {"reference": "#444444", "mujoco": "#1f77b4", "pymunk": "#d9730
 """The same on every page."""
 PLUG_IN_COLOURS = ("#9467bd", "#8c564b", "#e377c2", "#17becf")
 """Of engines that are not among them."""
+REFERENCE_LINE = {"color": ENGINE_COLOURS["reference"], "width": 4}
+"""Below the lines of the engines, which hide it where they agree."""
 
 
 def run_style(engine: str, preset: str) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from jinja2 import Environment, StrictUndefined
 from plotly.offline import get_plotlyjs
 from pydantic import JsonValue
 
-from ...comparisons.compare.summary import figure
+from ...comparisons.report.numbers import format_number as figure
 from ...comparisons.report.plots import embedded
 from ...models.machines.parameters import TrebuchetParameters
 from ...models.machines.trebuchet import parameters_of

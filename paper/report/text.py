@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 
-from ...comparisons.compare.summary import figure
+from ...comparisons.report.numbers import format_number as figure
 from ..results import Claim, EngineValue, Quantity, Study, Verdict
 
 SHORT = {Verdict.HOLDS: "holds", Verdict.WITHIN_GRID: "in grid", Verdict.FAILS: "fails", Verdict.OPEN: "open"}

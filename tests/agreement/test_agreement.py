@@ -10,8 +10,8 @@ import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from trebucheck.comparisons.compare.report import complaints
 from trebucheck.comparisons.compare.study import Comparison
-from trebucheck.comparisons.compare.summary import complaints
 from trebucheck.comparisons.runs.results import Outcome, Run
 from trebucheck.comparisons.runs.tolerances import BARS
 from trebucheck.models.machines.registry import models

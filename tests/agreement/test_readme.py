@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.compare.summary import COLUMNS
+from trebucheck.comparisons.compare.report import QUANTITIES
 from trebucheck.models.machines.registry import models
 from trebucheck.paper.report.markdown import summary
 from trebucheck.paper.study import study
@@ -39,8 +39,8 @@ def test_table(engine_name: str) -> None:
     assert [(model, row[0]) for model, row in rows] == [(run.model, run.label) for run in shown]
     for model, row in rows:
         run = next(run for run in results.runs if (run.model, run.label) == (model, row[0]))
-        for column, printed in zip(COLUMNS, row[2:], strict=True):
-            found = column.cell(run).value
+        for column, printed in zip(QUANTITIES, row[2:], strict=True):
+            found = column.value(run)
             if not printed:
                 assert found is None  # a machine without stops has no torque
                 continue

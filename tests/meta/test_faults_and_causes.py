@@ -12,7 +12,7 @@ import faulty
 import numpy as np
 import pytest
 from faulty import TABLE_ONE, Fault, body, parameters, run_with, without
-from trebucheck.comparisons.compare.summary import diagnosis
+from trebucheck.comparisons.compare.report import diagnosis
 from trebucheck.comparisons.diagnosis import motion
 from trebucheck.comparisons.runs.results import Outcome
 

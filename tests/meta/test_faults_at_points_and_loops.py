@@ -9,7 +9,7 @@ from functools import cache
 import faulty
 import pytest
 from faulty import Fault, run_with, tilted_slot, tilted_wall, without, without_joint
-from trebucheck.comparisons.compare.summary import diagnosis
+from trebucheck.comparisons.compare.report import diagnosis
 from trebucheck.comparisons.diagnosis import motion
 from trebucheck.comparisons.runs.results import Outcome
 

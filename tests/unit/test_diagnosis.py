@@ -12,7 +12,7 @@ from conftest import machine_parameters
 from faulty import Faulty, body, parameters
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from trebucheck.comparisons.compare.summary import diagnosis
+from trebucheck.comparisons.compare.report import diagnosis
 from trebucheck.comparisons.diagnosis.fit import match
 from trebucheck.comparisons.diagnosis.model import gate
 from trebucheck.comparisons.diagnosis.onset import growth, holding_at

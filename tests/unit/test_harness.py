@@ -13,8 +13,9 @@ import numpy as np
 import plugins
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.compare.page import report_html
+from trebucheck.comparisons.compare.report import document
 from trebucheck.comparisons.compare.study import Case, Comparison
+from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.runs.metrics import measure
 from trebucheck.comparisons.runs.results import Metric, Outcome, Results, Run
 from trebucheck.comparisons.runs.store import Store
@@ -152,7 +153,7 @@ def test_a_tolerance_finer_than_the_reference_can_vouch_for_is_refused_and_the_r
     comparison = _compare()
     metric = comparison.results.runs[0].metric("launch_speed")
     assert metric is not None and metric.holds is None and metric.note is not None
-    assert html.escape(metric.note, quote=True).replace("&#x27;", "&#39;") in report_html(comparison)
+    assert html.escape(metric.note, quote=True).replace("&#x27;", "&#39;") in page(document(comparison))
 
 
 def test_beyond_the_launch_only_invariants_are_judged() -> None:
@@ -192,7 +193,7 @@ def test_a_failing_engine_costs_its_row_only(isolate: bool) -> None:
     assert (failed.outcome, fine.outcome) == (Outcome.FAILED, Outcome.OK)
     assert failed.message == "ZeroDivisionError: careless"
     assert not comparison.passed
-    assert "ZeroDivisionError: careless" in report_html(comparison)
+    assert "ZeroDivisionError: careless" in page(document(comparison))
 
 
 @pytest.mark.usefixtures("third_party")
@@ -234,7 +235,7 @@ def test_one_own_mechanism_and_no_launch() -> None:
     comparison = _compare(models=[pendulum], duration=1.0)
     assert comparison.passed
     assert comparison.results.machines[0].compared_to == 1.0
-    assert "does not launch" in report_html(comparison)
+    assert "does not launch" in page(document(comparison))
 
 
 def test_wrong_names_cost_no_waiting() -> None:
