@@ -10,11 +10,23 @@ import numpy as np
 from ..models.arrays import FloatArray
 from ..models.machines.trebuchet import COUNTERWEIGHT, HANGER_REST, PROJECTILE, SLING_REST
 from ..models.trajectory import Trajectory
-from .evidence import Evidence
+from .evidence import FIXED, Evidence
+from .printed import (
+    BEST_L1,
+    BEST_SPEED,
+    END_L1,
+    LAUNCH_SPEED,
+    NO_SPEED,
+    RATIOS,
+    RELEASE_TIME,
+    TABLE_L1,
+    TIME_STEP,
+    ZERO_L1,
+)
+from .quantities import BEST_TIME, ENERGY_RATIO, FASTEST_TIME, TOTAL_ENERGY, vacuum_ranges
 from .results import Series
 from .sweep.results import Sweep
-from .throws.grids import TIME_STEP
-from .throws.throws import MachineThrow
+from .throws import MachineThrow
 
 _POINTS = 400
 _SAMPLED = 14  # points of each engine along a curve: enough to see that they lie on it
@@ -29,23 +41,17 @@ Values = Callable[[Trajectory], tuple[FloatArray, FloatArray]]
 
 def series(evidence: Evidence) -> tuple[Series, ...]:
     """All of them."""
-    fixed = evidence.throws["fixed"]
+    fixed, panels = evidence.throws[FIXED], list(zip("ab", evidence.throws.items(), strict=False))
     found = [
         *_torque(fixed, "Fig. 2", HANGER_REST, 1.0),
         *_torque(fixed, "Fig. 3", SLING_REST, -1.0),
         *_range(fixed),
         *_speed(evidence),
-        *(
-            each
-            for panel, name in zip("ab", evidence.throws, strict=False)
-            for each in _path(evidence.throws[name], f"Fig. 6{panel}")
-        ),
-        *(
-            each
-            for panel, name in zip("ab", evidence.throws, strict=False)
-            for each in _ratio(evidence, name, f"Fig. 7{panel}")
-        ),
     ]
+    for panel, (_, throw) in panels:
+        found += _path(throw, f"Fig. 6{panel}")
+    for panel, (name, throw) in panels:
+        found += _ratio(throw, name, f"Fig. 7{panel}")
     return tuple(found)
 
 
@@ -78,17 +84,9 @@ def _series(
     values: tuple[FloatArray, FloatArray],
 ) -> Series:
     x, y = values
-    fine = np.isfinite(x) & np.isfinite(y)
-    return Series(
-        figure=figure,
-        name=name,
-        kind=kind,
-        engine=engine,
-        x_label=labels[0],
-        y_label=labels[1],
-        x=tuple(x[fine].tolist()),
-        y=tuple(y[fine].tolist()),
-    )
+    fine, (x_label, y_label) = np.isfinite(x) & np.isfinite(y), labels
+    points = {"x": tuple(x[fine].tolist()), "y": tuple(y[fine].tolist())}
+    return Series(figure=figure, name=name, kind=kind, engine=engine, x_label=x_label, y_label=y_label, **points)
 
 
 def _printed(figure: str, name: str, labels: tuple[str, str], x: list[float], y: list[float]) -> Series:
@@ -102,22 +100,14 @@ def _torque(throw: MachineThrow, figure: str, stop: str, sign: float) -> list[Se
 
 
 def _range(throw: MachineThrow) -> Iterator[Series]:
-    labels, best = ("release time [s]", "range [m]"), throw.figures["best_release_time, longest range"]
-    curve = _curve(throw, "Fig. 4", labels, best - _ABOUT, best + _ABOUT, lambda t: (t.t, _vacuum_range(t)))
+    labels, best = ("release time [s]", "range [m]"), throw.values[BEST_TIME]
+    curve = _curve(throw, "Fig. 4", labels, best - _ABOUT, best + _ABOUT, lambda t: (t.t, vacuum_ranges(t)))
     yield from curve
     times = np.arange(np.ceil((best - _ABOUT) / TIME_STEP), (best + _ABOUT) / TIME_STEP) * TIME_STEP
-    yield _series(
-        "Fig. 4", "the paper's grid of times", "points", None, labels, (times, _vacuum_range(throw.at(times)))
-    )
-    low, high = min(curve[0].y), max(curve[0].y)
-    yield _printed("Fig. 4", "2.745 s", labels, [2.745, 2.745], [low, high])
-
-
-def _vacuum_range(trajectory: Trajectory) -> FloatArray:
-    (x, y), (vx, vy) = trajectory.marker(PROJECTILE).position.T, trajectory.marker(PROJECTILE).velocity.T
-    g = trajectory.mechanism.gravity
-    with np.errstate(invalid="ignore"):
-        return x + vx * (vy + np.sqrt(vy**2 + 2 * g * y)) / g
+    sampled = (times, vacuum_ranges(throw.at(times)))
+    yield _series("Fig. 4", "the paper's grid of times", "points", None, labels, sampled)
+    ends = [min(curve[0].y), max(curve[0].y)]
+    yield _printed("Fig. 4", str(RELEASE_TIME), labels, [RELEASE_TIME.value] * 2, ends)
 
 
 def _speed(evidence: Evidence) -> Iterator[Series]:
@@ -127,18 +117,17 @@ def _speed(evidence: Evidence) -> Iterator[Series]:
     curve, l1 = sweep.curve, np.array(sweep.curve.l1)
     laws = (("rests that can only push", curve.release_once), ("rests that hold as the paper's", curve.bilateral))
     for name, speeds in laws:
-        yield _series(
-            "Fig. 5", name, "line", None, labels, (l1, np.array([np.nan if v is None else v for v in speeds]))
-        )
-    names = dict.fromkeys(each.engine for place in sweep.positions for each in place.engines)
-    for name in names:
-        found = [
-            (p.l1, e.value) for p in sweep.positions for e in p.engines if e.engine == name and e.value is not None
-        ]
+        y = np.array([np.nan if v is None else v for v in speeds])
+        yield _series("Fig. 5", name, "line", None, labels, (l1, y))
+    values = [(p.l1, each) for p in sweep.positions for each in p.engines]
+    for name in dict.fromkeys(each.engine for _, each in values):
+        found = [(x, each.value) for x, each in values if each.engine == name and each.value is not None]
         if found:
             x, y = np.array(found).T
             yield _series("Fig. 5", name, "points", name, labels, (x, y))
-    yield _printed("Fig. 5", "the paper's numbers", labels, [9.91, 10.0, 10.3, 12.7], [100.55, 99.4, 0.0, 0.0])
+    x = [each.value for each in (BEST_L1, TABLE_L1, ZERO_L1, END_L1)]
+    y = [each.value for each in (BEST_SPEED, LAUNCH_SPEED, NO_SPEED, NO_SPEED)]
+    yield _printed("Fig. 5", "the paper's numbers", labels, x, y)
 
 
 def _path(throw: MachineThrow, figure: str) -> list[Series]:
@@ -149,11 +138,10 @@ def _path(throw: MachineThrow, figure: str) -> list[Series]:
     return _curve(throw, figure, ("x [m]", "y [m]"), 0.0, throw.launch_time, path)
 
 
-def _ratio(evidence: Evidence, name: str, figure: str) -> Iterator[Series]:
-    throw, labels = evidence.throws[name], ("launch time [s]", _R)
-    mechanism, energy = throw.mechanism, throw.figures["total_energy, start"]
+def _ratio(throw: MachineThrow, name: str, figure: str) -> Iterator[Series]:
+    labels, mechanism, energy = ("launch time [s]", _R), throw.mechanism, throw.values[TOTAL_ENERGY]
     mass = mechanism.body(next(m.body for m in mechanism.markers if m.name == PROJECTILE)).mass
-    fastest = throw.figures["largest_ratio_time, fastest"]
+    fastest = throw.values[FASTEST_TIME]
 
     def ratio(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
         speed = np.linalg.norm(trajectory.marker(PROJECTILE).velocity, axis=1)
@@ -161,10 +149,9 @@ def _ratio(evidence: Evidence, name: str, figure: str) -> Iterator[Series]:
 
     start = max(0.0, fastest - _AHEAD)
     yield from _curve(throw, figure, labels, start, fastest + _AFTER, ratio)
-    time, value = throw.launch_time, throw.figures["energy_ratio, launch"]
-    yield _series(
-        figure, "45 deg", "line", None, labels, (np.array([time, time, start]), np.array([0.0, value, value]))
-    )
-    printed = {"fixed": 1.42, "rolling": 1.83}.get(name)
+    time, value = throw.launch_time, throw.values[ENERGY_RATIO]
+    edges = (np.array([time, time, start]), np.array([0.0, value, value]))
+    yield _series(figure, "45 deg", "line", None, labels, edges)
+    printed = RATIOS.get(name)
     if printed is not None:
-        yield _printed(figure, f"R = {printed:g}", labels, [time], [printed])
+        yield _printed(figure, f"R = {printed}", labels, [time], [printed.value])

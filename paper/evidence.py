@@ -1,17 +1,22 @@
-"""What the claims are judged by: the figures of both machines by name, and what the other studies found."""
+"""What the claims are judged by, the throws and the further studies; and one claim as data and a rule."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 from ..models.machines.parameters import TrebuchetParameters
+from .printed import Printed
+from .quantities import Formula, Readings, ThrowQuantity, Values
 from .results import Claim, EngineValue, Quantity
-from .throws.throws import EngineThrow, MachineThrow
-from .verdicts import Judgement, not_told
+from .throws import EngineThrow, MachineThrow
+from .verdicts import Judgement, undecided
 
-Values = Mapping[str, float]
-"""Figures by 'machine: figure', such as 'fixed: launch_speed'."""
+FIXED, ROLLING = "fixed", "rolling"
+_Key = TypeVar("_Key")
+Rule = Callable[[Quantity, str], Judgement]
+"""Of our value and the printed text."""
 
 
 @dataclass(frozen=True)
@@ -21,19 +26,19 @@ class Evidence:
     parameters: TrebuchetParameters
     throws: Mapping[str, MachineThrow]
     """By machine."""
-    sections: Mapping[str, object] = field(default_factory=dict[str, object])
-    """What the other studies found, by name; one that failed is absent."""
+    sections: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """Results of the further studies, by name; one that failed is absent."""
     failures: Mapping[str, str] = field(default_factory=dict[str, str])
     """Why a study is absent, by name."""
 
     @property
-    def ours(self) -> dict[str, float]:
-        """The reference's figures."""
-        return _flat({name: throw.figures for name, throw in self.throws.items()})
+    def ours(self) -> Values:
+        """The reference's values."""
+        return _flat({name: throw.values for name, throw in self.throws.items()})
 
     @property
-    def uncertainties(self) -> dict[str, float]:
-        """Of the reference's figures."""
+    def uncertainties(self) -> Values:
+        """Of the reference's values."""
         return _flat({name: throw.uncertainties for name, throw in self.throws.items()})
 
     @property
@@ -45,109 +50,114 @@ class Evidence:
         """An engine's throws by machine."""
         return {name: each for name, throw in self.throws.items() for each in throw.engines if each.engine == engine}
 
+    def value(self, formula: Formula) -> float:
+        """Of the reference.
 
-def _flat(figures: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-    return {f"{machine}: {name}": value for machine, own in figures.items() for name, value in own.items()}
+        Raises:
+            KeyError: a quantity is missing.
+        """
+        return formula.value(self.ours)
+
+
+def _flat(values: Mapping[str, Readings]) -> Values:
+    return {(machine, quantity): value for machine, own in values.items() for quantity, value in own.items()}
 
 
 @dataclass(frozen=True)
 class Row:
-    """One claim about figures of the throws, before it is judged."""
+    """One claim of the paper: what is printed, what is compared with it, and by which rule."""
 
     name: str
     where: str
-    printed: str
+    printed: str | Printed
     quantity: str
-    unit: str
-    of: Callable[[Values], float]
-    """Of figures in SI units, to the row's unit."""
-    judge: Callable[[Quantity], Judgement]
+    ours: Formula | Quantity | None
+    """Computed from the throws, or known already; None where there is none."""
+    judge: Rule | Judgement
+    """A judgement where it does not follow from ours and the printed text alone."""
     machine: str = ""
+    engines: tuple[EngineValue, ...] = ()
+    """Values of the engines; those of a formula are computed from their throws."""
 
     def claim(self, evidence: Evidence) -> Claim:
-        """Judge it; a figure that is missing leaves it open."""
+        """Judge it; a quantity that is missing leaves it open."""
+        if not isinstance(self.ours, Formula):
+            return self.judged(self.ours, self.engines)
         try:
-            value, width = spread(self.of, evidence.ours, evidence.uncertainties)
+            value, width = spread(self.ours.value, evidence.ours, evidence.uncertainties)
         except KeyError as error:
-            return self._made(None, not_told(f"the reference has no figure {error.args[0]!r}"), ())
-        ours = Quantity(value=value, uncertainty=width, unit=self.unit)
-        engines = tuple(_by_engine(self.of, evidence, name) for name in evidence.engines)
-        return self._made(ours, self.judge(ours), engines)
+            machine, quantity = error.args[0]
+            missing = undecided(f"the reference's throw of the {machine!r} machine has no {quantity}")
+            return self.judged(None, (), missing)
+        ours = Quantity(value=value, uncertainty=width, unit=self.ours.unit)
+        return self.judged(ours, tuple(_by_engine(self.ours, evidence, name) for name in evidence.engines))
 
-    def _made(self, ours: Quantity | None, judgement: Judgement, engines: tuple[EngineValue, ...]) -> Claim:
-        return made(self.name, self.where, self.printed, self.quantity, ours, judgement, engines, self.machine)
-
-
-def made(
-    name: str,
-    where: str,
-    printed: str,
-    quantity: str,
-    ours: Quantity | None,
-    judgement: Judgement,
-    engines: tuple[EngineValue, ...] = (),
-    machine: str = "",
-) -> Claim:
-    """A claim with its judgement."""
-    return Claim(
-        name=name,
-        where=where,
-        printed=printed,
-        quantity=quantity,
-        machine=machine,
-        ours=ours,
-        engines=engines,
-        rule=judgement.rule,
-        verdict=judgement.verdict,
-        why=judgement.why,
-        departure=judgement.departure,
-    )
+    def judged(
+        self, ours: Quantity | None, engines: tuple[EngineValue, ...] = (), judgement: Judgement | None = None
+    ) -> Claim:
+        """The claim of our value."""
+        found = judgement or self.judge
+        if not isinstance(found, Judgement):
+            assert ours is not None, f"{self.name}: a rule needs a value"
+            found = found(ours, str(self.printed))
+        return Claim(
+            name=self.name,
+            where=self.where,
+            printed=str(self.printed),
+            quantity=self.quantity,
+            machine=self.machine,
+            ours=ours,
+            engines=engines,
+            rule=found.rule,
+            verdict=found.verdict,
+            why=found.why,
+            departure=found.departure,
+        )
 
 
-class _Noting(dict[str, float]):
-    """Figures that note which of them are read."""
+class _Recorder(dict[_Key, float]):
+    """Values that record which of them are read."""
 
-    def __init__(self, values: Values) -> None:
+    def __init__(self, values: Mapping[_Key, float]) -> None:
         super().__init__(values)
-        self.used: set[str] = set()
+        self.used: dict[_Key, None] = {}
 
-    def __getitem__(self, key: str) -> float:
-        self.used.add(key)
-        return super().__getitem__(key)
+    def __getitem__(self, key: _Key) -> float:
+        value = super().__getitem__(key)
+        self.used[key] = None
+        return value
 
 
-def spread(of: Callable[[Values], float], values: Values, widths: Values) -> tuple[float, float | None]:
-    """A function's value, and the sum of what each figure's width changes in it; None where a width is not known.
+def spread(
+    of: Callable[[Mapping[_Key, float]], float], values: Mapping[_Key, float], widths: Mapping[_Key, float]
+) -> tuple[float, float | None]:
+    """A function's value, and the sum of what each width changes in it; None where a width is not known.
 
-    A sum, not a root of squares: the errors of one run's figures hang together.
+    A sum, not a root of squares: the errors of one run's quantities are correlated.
 
     Raises:
-        KeyError: a figure is missing.
+        KeyError: a value is missing.
     """
-    noting = _Noting(values)
-    value = of(noting)
-    if not noting.used <= widths.keys():
+    recorder = _Recorder(values)
+    value = of(recorder)
+    if not recorder.used.keys() <= widths.keys():
         return value, None
-    moved = [abs(of({**values, name: values[name] + widths[name]}) - value) for name in noting.used]
-    return value, sum(moved)
+    return value, sum(abs(of({**values, key: values[key] + widths[key]}) - value) for key in recorder.used)
 
 
-def _by_engine(of: Callable[[Values], float], evidence: Evidence, engine: str) -> EngineValue:
+def _by_engine(formula: Formula, evidence: Evidence, engine: str) -> EngineValue:
     throws = evidence.of_engine(engine)
     try:
-        value, _ = spread(of, _flat({name: each.figures for name, each in throws.items()}), {})
+        value = formula.value(_flat({name: each.values for name, each in throws.items()}))
     except KeyError as error:
-        return EngineValue(engine=engine, value=None, note=_missing(throws, str(error.args[0])))
-    # The tolerance is what the bars allow around *our* value.
-    _, allowed = spread(of, evidence.ours, _flat({name: each.allowed for name, each in throws.items()}))
+        return EngineValue(engine=engine, value=None, note=_missing(throws, *error.args[0]))
+    # The tolerance is what the engine's tolerances allow around *our* value.
+    _, allowed = spread(formula.value, evidence.ours, _flat({name: each.tolerances for name, each in throws.items()}))
     return EngineValue(engine=engine, value=value, tolerance=allowed)
 
 
-def _missing(throws: Mapping[str, EngineThrow], key: str) -> str:
-    machine, _, figure = key.partition(": ")
+def _missing(throws: Mapping[str, EngineThrow], machine: str, quantity: ThrowQuantity) -> str:
     throw = throws.get(machine)
     if throw is None:
         return f"it was not run on {machine!r}"
-    if throw.note:
-        return throw.note
-    return next((why for start, why in throw.lacking.items() if figure.startswith(start)), f"it has no {figure!r}")
+    return throw.note or throw.lacking.get(quantity.law) or f"it has no {quantity}"

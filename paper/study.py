@@ -16,13 +16,12 @@ from ..engines.registry import engine, engine_class, engine_names
 from ..models.errors import InputError
 from ..models.machines.parameters import TrebuchetParameters
 from .apart import Jobs, begun
+from .claims import UNREACHED, claims
 from .curves import series
 from .evidence import Evidence
-from .judging import claims
 from .results import Study
 from .sections import SECTIONS
-from .throws.throws import throw_by_all
-from .unreached import UNREACHED
+from .throws import throw_by_all
 
 MACHINES = ("fixed", "rolling")
 """The paper's two."""

@@ -48,12 +48,12 @@ class Grid:
         return bool(values) and min(values) <= high and max(values) >= low
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         """Points and values, for a sentence."""
         return ", ".join(f"{value:.5g} at {point:.5g}" for point, value in self.values)
 
 
-_PRINTED = "|ours - printed| is at most half a unit of the last printed digit plus our uncertainty"
+_TO_THE_DIGITS = "|ours - printed| is at most half a unit of the last printed digit plus our uncertainty"
 _ON_GRID = "; or the printed number lies within our values at the points of the paper's grid one step around ours"
 
 
@@ -61,17 +61,18 @@ def as_printed(ours: Quantity, printed: str, grid: Grid | None = None, causes: I
     """A printed number: holds to its digits, or within the paper's own grid, or not."""
     number = parse(printed)
     allowed = number.half + (ours.uncertainty or 0.0)
-    apart = abs(ours.value - number.value)
-    departure = apart / abs(number.value) if number.value else 1.0
-    rule = _PRINTED + (_ON_GRID if grid else "")
+    error = abs(ours.value - number.value)
+    departure = error / abs(number.value) if number.value else 1.0
+    rule = _TO_THE_DIGITS + (_ON_GRID if grid else "")
     # A value that stands exactly on the border of rounding may lose an ulp on its way here.
-    if apart <= allowed * (1 + 1e-12):
+    if error <= allowed * (1 + 1e-12):
         return Judgement(Verdict.HOLDS, rule, departure=departure)
     if grid and grid.reaches(number.value - allowed, number.value + allowed):
-        why = f"ours is {_said(ours)}; on a grid of {grid.step} our values are {grid.words}, with {printed} among them"
+        values = f"on a grid of {grid.step} our values are {grid.text}, with {number.digits} among them"
+        why = f"ours is {_format(ours)}; {values}"
         return Judgement(Verdict.WITHIN_GRID, rule, why, departure)
     return Judgement(
-        Verdict.FAILS, rule, _why(f"ours is {_said(ours)}, {_said(apart, ours.unit, 3)} away", causes), departure
+        Verdict.FAILS, rule, _why(f"ours is {_format(ours)}, {_format(error, ours.unit, 3)} away", causes), departure
     )
 
 
@@ -82,7 +83,7 @@ def below(ours: Quantity, bound: str) -> Judgement:
     rule = "|ours| plus its uncertainty is below the bound"
     if largest < limit:
         return Judgement(Verdict.HOLDS, rule)
-    return Judgement(Verdict.FAILS, rule, f"ours is {_said(ours)}", largest / limit - 1 if limit else 1.0)
+    return Judgement(Verdict.FAILS, rule, f"ours is {_format(ours)}", largest / limit - 1 if limit else 1.0)
 
 
 def positive(margin: Quantity, what: str, causes: Iterable[Cause] = ()) -> Judgement:
@@ -94,7 +95,7 @@ def positive(margin: Quantity, what: str, causes: Iterable[Cause] = ()) -> Judge
     rule = f"{what} is positive, by more than its uncertainty"
     if margin.value > (margin.uncertainty or 0.0):
         return Judgement(Verdict.HOLDS, rule)
-    return Judgement(Verdict.FAILS, rule, _why(f"{what.rstrip(',')} is {_said(margin)}", causes), 1.0)
+    return Judgement(Verdict.FAILS, rule, _why(f"{what.rstrip(',')} is {_format(margin)}", causes), 1.0)
 
 
 def vanishes(ours: Quantity, allowed: float, reason: str, causes: Iterable[Cause] = ()) -> Judgement:
@@ -102,7 +103,7 @@ def vanishes(ours: Quantity, allowed: float, reason: str, causes: Iterable[Cause
     rule = f"|ours| is at most {allowed:.3g} {ours.unit}".rstrip() + f" ({reason}) plus our uncertainty"
     if abs(ours.value) <= allowed + (ours.uncertainty or 0.0):
         return Judgement(Verdict.HOLDS, rule)
-    return Judgement(Verdict.FAILS, rule, _why(f"ours is {_said(ours)}", causes), 1.0)
+    return Judgement(Verdict.FAILS, rule, _why(f"ours is {_format(ours)}", causes), 1.0)
 
 
 def coincides(ours: Quantity, resolution: float, reason: str, causes: Iterable[Cause] = ()) -> Judgement:
@@ -117,8 +118,8 @@ def coincides(ours: Quantity, resolution: float, reason: str, causes: Iterable[C
     if abs(ours.value) <= (ours.uncertainty or 0.0):
         return Judgement(Verdict.HOLDS, rule)
     if abs(ours.value) <= resolution:
-        return Judgement(Verdict.WITHIN_GRID, rule, f"they lie {_said(ours)} apart, less than can be told")
-    return Judgement(Verdict.FAILS, rule, _why(f"they lie {_said(ours)} apart", causes), 1.0)
+        return Judgement(Verdict.WITHIN_GRID, rule, f"they lie {_format(ours)} apart, less than can be told")
+    return Judgement(Verdict.FAILS, rule, _why(f"they lie {_format(ours)} apart", causes), 1.0)
 
 
 def at_least(ours: Quantity, need: float, reason: str, causes: Iterable[Cause] = ()) -> Judgement:
@@ -127,7 +128,7 @@ def at_least(ours: Quantity, need: float, reason: str, causes: Iterable[Cause] =
     if ours.value >= need:
         return Judgement(Verdict.HOLDS, rule)
     departure = (need - ours.value) / abs(need) if need else 1.0
-    return Judgement(Verdict.FAILS, rule, _why(f"ours is {_said(ours)}", causes), departure)
+    return Judgement(Verdict.FAILS, rule, _why(f"ours is {_format(ours)}", causes), departure)
 
 
 def at_most(ours: Quantity, most: float, reason: str, causes: Iterable[Cause] = ()) -> Judgement:
@@ -135,10 +136,12 @@ def at_most(ours: Quantity, most: float, reason: str, causes: Iterable[Cause] = 
     rule = f"ours is at most {most:g} {ours.unit}".rstrip() + f" ({reason})"
     if ours.value <= most + (ours.uncertainty or 0.0):
         return Judgement(Verdict.HOLDS, rule)
-    return Judgement(Verdict.FAILS, rule, _why(f"ours is {_said(ours)}", causes), 1.0)
+    return Judgement(Verdict.FAILS, rule, _why(f"ours is {_format(ours)}", causes), 1.0)
 
 
-def told_apart(ours: Quantity, printed: str, resolution: float, reason: str, causes: Iterable[Cause] = ()) -> Judgement:
+def distinguishable(
+    ours: Quantity, printed: str, resolution: float, reason: str, causes: Iterable[Cause] = ()
+) -> Judgement:
     """Two things the paper says are different: they lie farther apart than its own sampling and digits can hide.
 
     Args:
@@ -148,11 +151,11 @@ def told_apart(ours: Quantity, printed: str, resolution: float, reason: str, cau
         reason: where that comes from.
     """
     number = parse(printed)
-    rule = f"ours and {printed} lie more than {resolution:.3g} {ours.unit}".rstrip() + f" ({reason}) apart"
-    apart = abs(ours.value - number.value)
-    if apart > resolution + number.half + (ours.uncertainty or 0.0):
+    rule = f"ours and {number.digits} lie more than {resolution:.3g} {ours.unit}".rstrip() + f" ({reason}) apart"
+    error = abs(ours.value - number.value)
+    if error > resolution + number.half + (ours.uncertainty or 0.0):
         return Judgement(Verdict.HOLDS, rule)
-    fact = f"ours is {_said(ours)}, only {_said(apart, ours.unit, 2)} from the printed {printed}"
+    fact = f"ours is {_format(ours)}, only {_format(error, ours.unit, 2)} from the printed {number.digits}"
     return Judgement(Verdict.FAILS, rule, _why(fact, causes), 1.0)
 
 
@@ -168,7 +171,7 @@ def occurs(found: bool, what: str, causes: Iterable[Cause] = ()) -> Judgement:
     return Judgement(Verdict.FAILS, rule, _why(f"not found: {what}", causes), 1.0)
 
 
-def not_told(missing: str) -> Judgement:
+def undecided(missing: str) -> Judgement:
     """What it would take to judge is not there.
 
     Args:
@@ -182,6 +185,6 @@ def _why(fact: str, causes: Iterable[Cause]) -> str:
     return "; ".join([fact, *applying])
 
 
-def _said(ours: Quantity | float, unit: str = "", digits: int = 6) -> str:
+def _format(ours: Quantity | float, unit: str = "", digits: int = 6) -> str:
     value, unit = (ours.value, ours.unit) if isinstance(ours, Quantity) else (ours, unit)
     return f"{value:.{digits}g} {unit}".rstrip()

@@ -14,8 +14,8 @@ from ...models.trajectory import Trajectory
 from ...reference.certification.quantities import BEYOND_LAUNCH, Plan, figures
 from ...reference.throw.flight import fly, range_rate
 from ..results import EngineValue
+from ..sampled import SampledMotion
 from ..sweep.engines import TAIL, allowed, simulated, turning
-from ..throws.sampled import SampledMotion
 from .first_forward_swing import FirstSweep, kinetic_rate
 
 FIGURES = ("largest_ratio_time", "best_release_time", "best_release_angle", "best_release_speed", "best_range")

@@ -1,1 +1,1 @@
-"""The claims, group by group: what is printed, what of ours it is held against, by which rule."""
+"""The claims, as rows of data and rules: a module for each part of the paper."""

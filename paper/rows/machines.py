@@ -1,4 +1,4 @@
-"""Claims on which machine beats which: Secs. I and VI.
+"""Claims on other machines than the paper's two: which beats which (Secs. I and VI), and one designed (end of Sec. VI).
 
 Who wins may depend on lengths that the paper gives for its own machines only. So each comparison is made with the
 paper's sling, with each machine's fastest one, and with each kind's most efficient machine within the same bounds; it
@@ -9,48 +9,43 @@ built it; between the two it depends on lengths, and cannot be told.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
+from functools import partial
 
-from ..evidence import made
+from ..design.results import CoincidingDesign, Design
+from ..evidence import ROLLING, Row
 from ..machines.results import MachineEfficiency, Machines
-from ..results import Claim, EngineValue, Quantity, Verdict
-from ..verdicts import Cause, Judgement, at_least, not_told
+from ..results import EngineValue, Quantity, Verdict
+from ..verdicts import Cause, Judgement, at_least, positive, undecided, vanishes
 
 _MUCH = 2.0  # 'much more' asks for twice
 _ALL = 0.99  # 'the full energy' asks for all but a hundredth
+_COINCIDING = 1e-6  # [s] the two instants of a design are asked to coincide to
 
 
-def claims(machines: Machines) -> list[Claim]:
-    """All of them."""
-    of = {machine.name: machine for machine in machines.machines}
-    rolling, fixed, floating = of["rolling"], of["fixed"], of["floating-arm"]
-    much = [_beats(of[name], of["catapult"], "Sec. I", "much more efficient than a catapult", machines, _MUCH)
-            for name in ("hinged", "fixed")]  # fmt: skip
-    return [
-        *much,
-        _beats(rolling, fixed, "Sec. VI", "wheels make it more efficient", machines),
-        _beats(floating, fixed, "Sec. VI", "floating arm beats the fixed machine", machines),
-        _beats(floating, rolling, "Sec. VI", "floating arm beats the rolling machine", machines),
-        _all_of_it(floating, machines),
-    ]
+def efficiency_rows(machines: Machines) -> Iterator[Row]:
+    """On which machine beats which."""
+    rolling, fixed, floating, catapult = map(machines.named, ("rolling", "fixed", "floating-arm", "catapult"))
+    for name in ("hinged", "fixed"):
+        claim = f"much more efficient than a catapult ({name})"
+        yield _beats(machines.named(name), catapult, "Sec. I", claim, machines, _MUCH)
+    yield _beats(rolling, fixed, "Sec. VI", "wheels make it more efficient", machines)
+    yield _beats(floating, fixed, "Sec. VI", "floating arm beats the fixed machine", machines)
+    yield _beats(floating, rolling, "Sec. VI", "floating arm beats the rolling machine", machines)
+    yield _full_energy(floating, machines)
 
 
 def _beats(
-    better: MachineEfficiency,
-    worse: MachineEfficiency,
-    where: str,
-    name: str,
-    machines: Machines,
-    need: float = 1.0,
-) -> Claim:
-    built = better.table_one.efficiency / worse.table_one.efficiency
-    return made(
-        f"{name} ({better.name})" if worse.name == "catapult" else name,
+    better: MachineEfficiency, worse: MachineEfficiency, where: str, name: str, machines: Machines, need: float = 1.0
+) -> Row:
+    return Row(
+        name,
         where,
         "much" if need > 1 else "> 1",
         f"efficiency of {better.name} over that of {worse.name}, with the paper's sling",
-        Quantity(value=built, unit=""),
+        Quantity(value=better.table_one.efficiency / worse.table_one.efficiency, unit=""),
         _judged(better, worse, machines, need),
-        _by_engine(better, worse),
+        engines=_combined(better.engines, worse.engines, _ratio),
     )
 
 
@@ -66,7 +61,7 @@ def _judged(better: MachineEfficiency, worse: MachineEfficiency, machines: Machi
     if better.most_efficient is None:
         return Judgement(Verdict.OPEN, rule, f"other lengths were not looked at, which needs heyoka: {facts}")
     at_best = better.most_efficient.efficiency / worse.table_one.efficiency
-    last = f"the most efficient {_said(better)} against the {_said(worse)} machine as built, {at_best:.3g}"
+    last = f"the most efficient {_spoken(better)} against the {_spoken(worse)} machine as built, {at_best:.3g}"
     if at_best > need or any(ratio > need for ratio in ratios):
         why = f"it depends on lengths that the paper does not give: {facts}; {last} ({_within(machines, better)})"
         return Judgement(Verdict.OPEN, rule, why)
@@ -82,40 +77,51 @@ def _ratios(better: MachineEfficiency, worse: MachineEfficiency) -> tuple[list[f
     if better.most_efficient and worse.most_efficient:
         pairs["with the most efficient of each kind"] = (better.most_efficient, worse.most_efficient)
     ratios = {name: one.efficiency / other.efficiency for name, (one, other) in pairs.items()}
-    said = [f"{ratios[name]:.3g} {name} ({a.efficiency:.3g} to {b.efficiency:.3g})" for name, (a, b) in pairs.items()]
-    return list(ratios.values()), f"{_said(better)} over {_said(worse)} is {', '.join(said)}"
+    parts = [f"{ratios[name]:.3g} {name} ({a.efficiency:.3g} to {b.efficiency:.3g})" for name, (a, b) in pairs.items()]
+    return list(ratios.values()), f"{_spoken(better)} over {_spoken(worse)} is {', '.join(parts)}"
 
 
-def _said(machine: MachineEfficiency) -> str:
+def _spoken(machine: MachineEfficiency) -> str:
     return machine.name.replace("-", " ")
 
 
 def _within(machines: Machines, machine: MachineEfficiency) -> str:
     bounds = dict(machines.bounds)
     start = bounds.pop("theta0", None)
-    said = [f"{name} {low:g} to {high:g} m" for name, (low, high) in bounds.items()]
+    parts = [f"{name} {low:g} to {high:g} m" for name, (low, high) in bounds.items()]
     best = machine.most_efficient
     if start is not None and best is not None and start[0] <= best.theta0 <= start[1]:
-        said.append(f"arm's start {math.degrees(start[0]):.0f} to {math.degrees(start[1]):.0f} deg")
-    return f"within {', '.join(said)}"
+        parts.append(f"arm's start {math.degrees(start[0]):.0f} to {math.degrees(start[1]):.0f} deg")
+    return f"within {', '.join(parts)}"
 
 
-def _all_of_it(machine: MachineEfficiency, machines: Machines) -> Claim:
+def _full_energy(machine: MachineEfficiency, machines: Machines) -> Row:
     """That the whole of the counterweight's energy goes to the projectile."""
-    name, quantity = "floating arm passes on the full energy", "its efficiency, at best within the bounds"
     best = machine.most_efficient
+    row = partial(
+        Row,
+        "floating arm passes on the full energy",
+        "Sec. VI",
+        "all",
+        "its efficiency, at best within the bounds",
+        machine=machine.name,
+    )
     if best is None:
-        missing = not_told("other lengths were not looked at, which needs heyoka")
-        return made(name, "Sec. VI", "all", quantity, None, missing, machine=machine.name)
-    ours = Quantity(value=best.efficiency, unit="")
+        return row(ours=None, judge=undecided("other lengths were not looked at, which needs heyoka"))
     rest = Cause(best.efficiency < _ALL, f"the arm and the counterweight keep the rest, {_within(machines, machine)}")
-    judgement = at_least(ours, _ALL, "'the full energy' asks for all but a hundredth", [rest])
-    return made(name, "Sec. VI", "all", quantity, ours, judgement, machine=machine.name)
+    reason = "'the full energy' asks for all but a hundredth"
+    ours = Quantity(value=best.efficiency, unit="")
+    return row(ours=ours, judge=at_least(ours, _ALL, reason, [rest]))
 
 
-def _by_engine(better: MachineEfficiency, worse: MachineEfficiency) -> tuple[EngineValue, ...]:
-    others = {value.engine: value for value in worse.engines}
-    return tuple(_ratio(value, others[value.engine]) for value in better.engines if value.engine in others)
+def _combined(
+    first: tuple[EngineValue, ...],
+    second: tuple[EngineValue, ...],
+    combine: Callable[[EngineValue, EngineValue], EngineValue],
+) -> tuple[EngineValue, ...]:
+    """Values of the engines that have both."""
+    others = {value.engine: value for value in second}
+    return tuple(combine(value, others[value.engine]) for value in first if value.engine in others)
 
 
 def _ratio(above: EngineValue, below: EngineValue) -> EngineValue:
@@ -125,3 +131,79 @@ def _ratio(above: EngineValue, below: EngineValue) -> EngineValue:
     known = above.tolerance is not None and below.tolerance is not None
     relative = (above.tolerance or 0.0) / above.value + (below.tolerance or 0.0) / below.value
     return EngineValue(engine=above.engine, value=value, tolerance=value * relative if known else None)
+
+
+def design_rows(design: Design) -> Iterator[Row]:
+    """On a rolling machine whose largest kinetic energy comes at its best release; none where none was found."""
+    if not design.designs:
+        return
+    best, paper, where = design.designs[0], design.paper_rolling, "Secs. VI, VII"
+    yield Row(
+        "peak and best angle can coincide",
+        where,
+        "same instant",
+        f"largest kinetic energy less best release, of the design '{best.name}'",
+        best.difference,
+        lambda q, _: vanishes(q, _COINCIDING, "a microsecond"),
+        ROLLING,
+        _combined(best.engines.get("largest_ratio_time", ()), best.engines.get("best_release_time", ()), _difference),
+    )
+    gain = best.throwing.range - paper.range
+    shorter = Cause(
+        gain < 0,
+        f"the farthest coinciding machine with {_bounds(design)} throws {best.throwing.range:.5g} m, the paper's "
+        f"rolling one {paper.range:.5g} m and its fixed one {design.paper_fixed.range:.5g} m",
+    )
+    yield Row(
+        "such a machine throws farther",
+        where,
+        "> 0",
+        f"range of the design '{best.name}' less that of the paper's rolling machine",
+        Quantity(value=gain, unit="m"),
+        lambda q, _: positive(q, "the gain", [shorter]),
+        ROLLING,
+        tuple(
+            each if each.value is None else each.model_copy(update={"value": each.value - paper.range})
+            for each in best.engines.get("best_range", ())
+        ),
+    )
+    yield from _largest_range(design, best)
+
+
+def _bounds(design: Design) -> str:
+    """The bounds, which are ours, and whether they matter."""
+    bounds = design.bounds
+    spans = [
+        f"{name} {low:g} to {high:g}" for name, (low, high) in (("r", bounds.r), ("h", bounds.h), ("l1", bounds.l1))
+    ]
+    active = design.designs[0].optimality.active
+    return f"{', '.join(spans)} m ({'at ' + ', '.join(active) if active else 'at none of these bounds'})"
+
+
+def _difference(first: EngineValue, second: EngineValue) -> EngineValue:
+    if first.value is None or second.value is None:
+        return EngineValue(engine=first.engine, value=None, note=first.note or second.note or "a value is missing")
+    widths = (first.tolerance, second.tolerance)
+    allowed = None if None in widths else sum(width for width in widths if width is not None)
+    return EngineValue(engine=first.engine, value=first.value - second.value, tolerance=allowed)
+
+
+def _largest_range(design: Design, best: CoincidingDesign) -> Iterator[Row]:
+    other = design.unconstrained
+    if other is None:
+        return
+    lost, p = other.range - best.throwing.range, other.parameters
+    cause = Cause(
+        lost > 0,
+        f"with {_bounds(design)}, the machine of r = {p.r:.3g}, h = {p.h:.3g}, l1 = {p.l1:.3g} m throws "
+        f"{other.range:.5g} m, its peak {abs(other.gap):.2g} s {'after' if other.gap > 0 else 'before'} the release",
+    )
+    yield Row(
+        "coinciding gives the largest range",
+        "Secs. VI, VII",
+        "largest",
+        "largest range of any rolling machine within the bounds, less that of the best coinciding one",
+        Quantity(value=lost, unit="m"),
+        lambda q, _: vanishes(q, 0.5e-3 * other.range, "a thousandth of the range, either way", [cause]),
+        ROLLING,
+    )

@@ -9,20 +9,28 @@ import pytest
 import trebucheck as tb
 from trebucheck.comparisons.runs.worker import Worker
 from trebucheck.engines.registry import engine_class, engine_names
+from trebucheck.paper.claims import THROWS
 from trebucheck.paper.curves import series
 from trebucheck.paper.evidence import Evidence
+from trebucheck.paper.quantities import (
+    ARM_ARRIVAL,
+    BEST_TIME,
+    ENERGY_RATIO,
+    FASTEST_TIME,
+    FIRST_BLOW,
+    LAUNCH_SPEED,
+    LAUNCH_TIME,
+    SIDEWAYS,
+    certified,
+    read,
+)
 from trebucheck.paper.results import Claim, Verdict
-from trebucheck.paper.rows import equations as rows_equations
-from trebucheck.paper.rows import machine as rows_machine
-from trebucheck.paper.rows import release as rows_release
-from trebucheck.paper.rows import rolling as rows_rolling
-from trebucheck.paper.rows import torques as rows_torques
+from trebucheck.paper.sampled import SampledMotion
 from trebucheck.paper.study import MACHINES
-from trebucheck.paper.throws.headline import SIDEWAYS, read
-from trebucheck.paper.throws.sampled import SampledMotion
-from trebucheck.paper.throws.throws import throw_by_all
+from trebucheck.paper.throws import throw_by_all
 from trebucheck.reference.certification.certificate import load_certificate
 from trebucheck.reference.certification.certify import MinimalMotion
+from trebucheck.reference.certification.quantities import Key
 from trebucheck.reference.solver import solve
 
 pytestmark = pytest.mark.slow  # both machines by every engine, once for all of these tests
@@ -40,9 +48,7 @@ def evidence() -> Evidence:
 @functools.cache
 def claims() -> dict[str, Claim]:
     """Of the throws, by name."""
-    found = rows_machine.claims(evidence()) + rows_equations.claims(evidence())
-    found += [row.claim(evidence()) for group in (rows_torques, rows_release, rows_rolling)
-              for row in group.rows(evidence())]  # fmt: skip
+    found = [row.claim(evidence()) for group in THROWS for row in group.rows(evidence())]
     assert len({claim.name for claim in found}) == len(found)
     return {claim.name: claim for claim in found}
 
@@ -103,7 +109,7 @@ def test_the_counterweights_way_is_the_paths() -> None:
         t = np.linspace(0.0, throw.launch_time, 1001)
         x = throw.at(t).marker("counterweight").position[:, 0]
         turn = float(np.abs(np.diff(x, 2)).max())  # at most this much is cut off at each of the few turns
-        assert throw.figures[SIDEWAYS] == pytest.approx(float(np.abs(np.diff(x)).sum()), abs=4 * turn)
+        assert throw.values[SIDEWAYS] == pytest.approx(float(np.abs(np.diff(x)).sum()), abs=4 * turn)
 
 
 @pytest.mark.parametrize("name", ["launch speed at l1 = 10", "R, rolling", "counterweight swings out further",
@@ -118,10 +124,11 @@ def test_an_engine_that_computes_another_machine_is_outside_its_bars() -> None:
     throw = evidence().throws["fixed"]
     wrong = tb.fixed(tb.TrebuchetParameters(r=6.006))
     solution = solve(tb.Problem(wrong, duration=3.0))
-    figures = read(MinimalMotion(solution), solution.trajectory(np.linspace(0.0, 3.0, 500)))
+    values = read(MinimalMotion(solution), solution.trajectory(np.linspace(0.0, 3.0, 500)))
     for each in throw.engines:
-        for name in ("launch_speed", "energy_ratio, launch", "best_release_time, longest range"):
-            assert abs(figures[name] - throw.figures[name]) > each.allowed[name], (each.engine, name)
+        for quantity in (LAUNCH_SPEED, ENERGY_RATIO, BEST_TIME):
+            error = abs(values[quantity] - throw.values[quantity])
+            assert error > each.tolerances[quantity], (each.engine, quantity)
 
 
 @pytest.mark.parametrize("name", MACHINES)
@@ -132,15 +139,10 @@ def test_samples_are_read_as_the_continuous_motion_is(name: str) -> None:
     trajectory = throw.at(np.arange(0.0, until, 1e-3))
     sampled = read(SampledMotion(trajectory), trajectory)
     mujoco = next((each for each in throw.engines if each.engine == "mujoco"), None)
-    allowed = mujoco.allowed if mujoco else {}
-    for figure in (
-        "launch_speed",
-        "largest_ratio_time, fastest",
-        "best_release_time, longest range",
-        "arm at its stop",
-    ):
-        tolerance = 0.05 * allowed.get(figure, 1e-7)
-        assert sampled[figure] == pytest.approx(throw.figures[figure], abs=tolerance), figure
+    allowed = mujoco.tolerances if mujoco else {}
+    for quantity in (LAUNCH_SPEED, FASTEST_TIME, BEST_TIME, ARM_ARRIVAL):
+        tolerance = 0.05 * allowed.get(quantity, 1e-7)
+        assert sampled[quantity] == pytest.approx(throw.values[quantity], abs=tolerance), quantity
 
 
 @pytest.mark.parametrize("name", MACHINES)
@@ -148,30 +150,31 @@ def test_our_figures_are_the_certificates(name: str) -> None:
     throw = evidence().throws[name]
     certificate = load_certificate(throw.mechanism)
     assert certificate is not None
-    shared = [figure for figure in certificate.figures if figure.label in throw.figures]
+    figures = {certified(Key(each.name, each.subject, each.at, each.unit)): each for each in certificate.figures}
+    shared = {quantity: figure for quantity, figure in figures.items() if quantity in throw.values}
     assert len(shared) > 20
-    for figure in shared:
-        assert abs(throw.figures[figure.label] - figure.value) <= figure.uncertainty, figure.label
-        assert throw.uncertainties[figure.label] == figure.uncertainty
+    for quantity, figure in shared.items():
+        assert quantity.name == figure.label
+        assert abs(throw.values[quantity] - figure.value) <= figure.uncertainty, quantity
+        assert throw.uncertainties[quantity] == figure.uncertainty
 
 
 def test_the_arm_stop_acts_only_after_the_launch() -> None:
     for name in MACHINES:
-        figures = evidence().throws[name].figures
-        assert figures["unilateral arm stop acts"] == pytest.approx(figures["arm at its stop"], abs=1e-9)
-        assert figures["unilateral launch_time"] < figures["unilateral arm stop acts"]
+        values = evidence().throws[name].values
+        assert values[FIRST_BLOW] == pytest.approx(values[ARM_ARRIVAL], abs=1e-9)
+        assert values[LAUNCH_TIME.under(tb.StopLaw.UNILATERAL)] < values[FIRST_BLOW]
 
 
 def test_an_absent_engine_is_a_note() -> None:
     from trebucheck.paper.evidence import Row
-    from trebucheck.paper.throws.throws import EngineThrow, MachineThrow
+    from trebucheck.paper.throws import EngineThrow, MachineThrow
     from trebucheck.paper.verdicts import as_printed
 
     throw = evidence().throws["fixed"]
     fields = {name: getattr(throw, name) for name in MachineThrow.__dataclass_fields__}
     gone = MachineThrow(**fields | {"engines": (EngineThrow("chrono", note="engine 'chrono' crashed"),)})
-    row = Row("speed", "Sec. V", "99.4", "speed", "m/s", lambda f: f["fixed: launch_speed"],
-              lambda q: as_printed(q, "99.4"))  # fmt: skip
+    row = Row("speed", "Sec. V", "99.4", "speed", LAUNCH_SPEED.of("fixed"), as_printed)
     claim = row.claim(Evidence(tb.TrebuchetParameters(), {"fixed": gone}))
     assert claim.verdict is Verdict.HOLDS
     assert (claim.engines[0].value, claim.engines[0].note) == (None, "engine 'chrono' crashed")

@@ -13,19 +13,18 @@ import pytest
 import trebucheck as tb
 from trebucheck.models.schema import schema_text
 from trebucheck.paper.apart import begun
-from trebucheck.paper.evidence import made, spread
-from trebucheck.paper.judging import _order
+from trebucheck.paper.claims import UNREACHED, order
+from trebucheck.paper.evidence import Row, spread
 from trebucheck.paper.machines.results import MachineEfficiency, Machines, SlingThrow, WidestThrow
 from trebucheck.paper.printed import parse
+from trebucheck.paper.quantities import fit
 from trebucheck.paper.report import text as shown
 from trebucheck.paper.report.page import page
 from trebucheck.paper.results import Claim, EngineValue, Quantity, Series, Study, Verdict
-from trebucheck.paper.rows import equations as rows_equations
+from trebucheck.paper.rows import machine as rows_machine
 from trebucheck.paper.rows import machines as rows_machines
+from trebucheck.paper.rows.release import around
 from trebucheck.paper.study import study
-from trebucheck.paper.throws.grids import around
-from trebucheck.paper.throws.multipliers import fit
-from trebucheck.paper.unreached import UNREACHED
 from trebucheck.paper.verdicts import (
     Cause,
     Grid,
@@ -34,10 +33,10 @@ from trebucheck.paper.verdicts import (
     at_most,
     below,
     coincides,
-    not_told,
+    distinguishable,
     occurs,
     positive,
-    told_apart,
+    undecided,
     vanishes,
 )
 
@@ -130,12 +129,12 @@ def test_departures_are_shares_of_what_is_claimed() -> None:
         (at_most(_q(10.0), 10.0, "a need"), Verdict.HOLDS),
         (at_most(_q(10.1), 10.0, "a need"), Verdict.FAILS),
         (at_most(_q(10.1, 0.2), 10.0, "a need"), Verdict.HOLDS),
-        (told_apart(_q(41.5), "46.9", 1.6, "a step"), Verdict.HOLDS),
-        (told_apart(_q(41.48), "41.5", 1.6, "a step"), Verdict.FAILS),
-        (told_apart(_q(45.24), "46.9", 1.6, "a step"), Verdict.HOLDS),
-        (told_apart(_q(45.26), "46.9", 1.6, "a step"), Verdict.FAILS),
+        (distinguishable(_q(41.5), "46.9", 1.6, "a step"), Verdict.HOLDS),
+        (distinguishable(_q(41.48), "41.5", 1.6, "a step"), Verdict.FAILS),
+        (distinguishable(_q(45.24), "46.9", 1.6, "a step"), Verdict.HOLDS),
+        (distinguishable(_q(45.26), "46.9", 1.6, "a step"), Verdict.FAILS),
         (occurs(True, "a fact"), Verdict.HOLDS),
-        (not_told("a datum is missing"), Verdict.OPEN),
+        (undecided("a datum is missing"), Verdict.OPEN),
     ],
 )
 def test_the_other_rules(found: object, verdict: Verdict) -> None:
@@ -174,7 +173,7 @@ def test_claims_stand_in_the_papers_order() -> None:
     places = ["Sec. I", "Eq. (5)", "Secs. II, IV to VI", "Sec. III, Fig. 2", "Sec. IV", "Table II", "Sec. V, Fig. 5"]
     places += ["Secs. VI, VII", "Sec. VII"]
     shuffled = places[4:] + places[:4]
-    assert sorted(shuffled, key=_order) == places
+    assert sorted(shuffled, key=order) == places
 
 
 def _efficiency(name: str, built: float, fastest: float | None, best: float | None) -> MachineEfficiency:
@@ -213,7 +212,10 @@ def test_who_beats_whom_is_told_only_where_lengths_do_not_decide(
         bounds={"l1": (7.0, 13.0), "r": (2.0, 14.0), "theta0": (1.7, 2.6)},
         seconds=0.0,
     )
-    claim = next(each for each in rows_machines.claims(machines) if "beats the rolling" in each.name)
+    rows = rows_machines.efficiency_rows(machines)
+    row = next(each for each in rows if "beats the rolling" in each.name)
+    assert isinstance(row.ours, Quantity)
+    claim = row.judged(row.ours)
     assert claim.verdict is verdict
     assert said in claim.why
 
@@ -235,9 +237,9 @@ def test_the_papers_energies_tell_machines_apart() -> None:
     """The same comparison with a length off by one part in a million is seen, far above rounding."""
     p = tb.TrebuchetParameters()
     other = p.model_copy(update={"r": p.r * (1 + 1e-6)})
-    for build, energies in ((tb.fixed, rows_equations.fixed_energies), (tb.rolling, rows_equations.rolling_energies)):
-        assert rows_equations.largest_difference(build(p), p, energies) < 1e-13
-        assert rows_equations.largest_difference(build(p), other, energies) > 1e-9
+    for build, energies in ((tb.fixed, rows_machine.fixed_energies), (tb.rolling, rows_machine.rolling_energies)):
+        assert rows_machine.largest_difference(build(p), p, energies) < 1e-13
+        assert rows_machine.largest_difference(build(p), other, energies) > 1e-9
 
 
 def test_every_number_of_the_paper_has_a_row_or_a_reason() -> None:
@@ -250,7 +252,7 @@ def small() -> Study:
     """A study of three claims, one of which an engine contradicts."""
 
     def claim(name: str, where: str, ours: Quantity, printed: str, *engines: EngineValue) -> Claim:
-        return made(name, where, printed, f"the {name}", ours, as_printed(ours, printed), engines)
+        return Row(name, where, printed, f"the {name}", ours, as_printed).judged(ours, engines)
 
     agreeing = EngineValue(engine="mujoco", value=99.4001, tolerance=1e-3)
     off = EngineValue(engine="pymunk", value=99.5, tolerance=1e-3)

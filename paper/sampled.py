@@ -7,17 +7,17 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-from ...models.arrays import FloatArray
-from ...models.launch import Launch
-from ...models.trajectory import Trajectory
-from ...reference.certification.quantities import PointState
+from ..models.arrays import FloatArray
+from ..models.launch import Launch
+from ..models.trajectory import Trajectory
+from ..reference.certification.quantities import PointState
 
 _DEGREE = 5  # error ~ step^6: far below that of any engine, at the steps they are run with
 _CROWDED = 0.5  # of the median step: samples closer than this (a release inside a step) unsettle a spline
 
 
 class SampledMotion:
-    """A trajectory read at any time (:class:`...reference.figures.Motion`).
+    """A trajectory read at any time (:class:`..reference.figures.Motion`).
 
     Positions, velocities and coordinates are quintic splines through the samples; an acceleration is the derivative
     of the velocity's spline. Torques and energies, which have kinks, are read linearly.

@@ -1,0 +1,236 @@
+"""Claims on what is fitted to printed numbers: the start angles, and the drag area behind Table II (Sec. IV)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+
+from ..drag.results import (
+    AngleReading,
+    DragInterval,
+    DragStudy,
+    GravityReading,
+    GridPoint,
+    PrintedAngle,
+    Reading,
+    WorldFit,
+)
+from ..evidence import FIXED, Evidence, Row
+from ..identification.results import Identification
+from ..printed import BEST_ANGLE, TIME_STEP
+from ..quantities import FASTEST_ANGLE
+from ..results import Quantity, Verdict
+from ..verdicts import Cause, Grid, Judgement, as_printed, distinguishable, occurs, positive, undecided, vanishes
+
+_TABLE, _SEC = "Table II", "Sec. IV, Table II"
+_CLOSE = 5.0  # [deg]: 'close to 45' asks for five
+
+
+def start_rows(found: Identification) -> Iterator[Row]:
+    """On the start angles, which the paper does not print."""
+    fit = found.fit
+    miss = f"the best of all starts still misses one by {fit.least_worst:.3g} half digits"
+    yield Row(
+        "printed figures are of one start",
+        "Secs. IV to VI",
+        f"{len(found.printed)} figures",
+        "least that the worst miss of all printed figures can be made by the start angles",
+        Quantity(value=fit.least_worst, unit="half digits"),
+        occurs(
+            fit.compatible,
+            "start angles that give every printed figure to its digits",
+            [Cause(not fit.compatible, miss)],
+        ),
+        "both",
+    )
+    # G1 and G2 at t = 0 are theta(0): the fit decides whether that can be zero.
+    low, high = fit.confidence[fit.free.index("theta0")]
+    yield Row(
+        "Eqs. (6), (7) hold at the start",
+        "Eqs. (6), (7)",
+        "G1 = G2 = 0",
+        "theta(0), fitted to the printed figures",
+        Quantity(value=fit.angles[0], uncertainty=(high - low) / 2, unit="rad"),
+        lambda q, _: vanishes(q, 0.0, "a constraint that is met"),
+        "both",
+    )
+
+
+def drag_rows(study: DragStudy, evidence: Evidence) -> Iterator[Row]:
+    """On drag: Table II and the end of Sec. IV."""
+    plain = _reading(study)
+    for fit in plain.worlds:
+        yield _world(plain, fit, _printed(study, fit.world))
+    yield _one_area(study)
+    yield from _trend(study, plain)
+    # Gravity only scales the time of a throw from rest: the angle of the largest speed is the same everywhere.
+    for each in study.printed:
+        if each.density > 0 and each.gravity != evidence.parameters.g:
+            yield _elsewhere(each, _angle_per_step(plain, each.world))
+
+
+def _reading(study: DragStudy) -> Reading:
+    """As the table's words have it: the velocity's angle, g changed throughout; the first one if there is no such."""
+    wanted = (AngleReading.VELOCITY, GravityReading.THROW_AND_FLIGHT)
+    return next((r for r in study.readings if (r.angle, r.gravity) == wanted), study.readings[0])
+
+
+def _printed(study: DragStudy, world: str) -> PrintedAngle:
+    return next(each for each in study.printed if each.world == world)
+
+
+def _world(reading: Reading, fit: WorldFit, printed: PrintedAngle) -> Row:
+    airless = printed.density == 0
+    what = "no drag" if airless else f"C_d A = {reading.common_drag_area:.3g} m², the best common one"
+    return Row(
+        f"best angle of release, {fit.world}",
+        _TABLE,
+        f"{printed.printed}°",
+        f"velocity's angle at the release of the longest range ({what})",
+        _degrees(fit.vacuum_angle if airless else fit.common_angle),
+        _judged(reading, fit, printed),
+        FIXED,
+    )
+
+
+def _degrees(angle: float) -> Quantity:
+    return Quantity(value=math.degrees(angle), unit="deg")
+
+
+def _judged(reading: Reading, fit: WorldFit, printed: PrintedAngle) -> Judgement:
+    """A drag area that gives the angle leaves the claim open; without one, vacuum comes nearest to it."""
+    if printed.density > 0 and fit.drag_areas is not None:
+        return undecided(
+            f"the drag area is not printed: C_d A from {_format(fit.drag_areas)} gives {printed.printed}°; that "
+            f"which suits it best, {reading.common_drag_area:.3g} m², gives {math.degrees(fit.common_angle):.1f}°"
+        )
+    causes = [Cause(printed.density > 0, "no drag area gives it: drag only ever lowers the best angle")]
+    return as_printed(_degrees(fit.vacuum_angle), printed.printed, _grid(reading, fit), causes)
+
+
+def _format(areas: DragInterval) -> str:
+    return f"{areas.low:.3g} m² on" if areas.high is None else f"{areas.low:.3g} to {areas.high:.3g} m²"
+
+
+def _grid(reading: Reading, fit: WorldFit) -> Grid | None:
+    """Points of the finest grid within one step of the best release in vacuum."""
+    if not reading.grids:
+        return None
+    grid = min(reading.grids, key=lambda each: each.step)
+    found = next((each for each in grid.worlds if each.world == fit.world), None)
+    points: list[GridPoint] = [] if found is None else [found.nearest, *found.beside]
+    near = {p.time: math.degrees(p.angle) for p in points if abs(p.time - fit.vacuum_time) <= grid.step * (1 + 1e-9)}
+    return Grid(f"{grid.step:g} s", tuple(sorted(near.items()))) if near else None
+
+
+def _one_area(study: DragStudy) -> Row:
+    """The four angles are of one projectile: some one drag area gives them all, or gives them on the grid."""
+    best = min(study.readings, key=lambda reading: reading.root_mean_square)
+    return Row(
+        "one projectile gives the whole table",
+        _TABLE,
+        ", ".join(f"{each.printed}°" for each in study.printed),
+        "a drag area common to all four worlds",
+        Quantity(value=best.common_drag_area, unit="m²"),
+        _one_area_judged(study, best),
+        FIXED,
+    )
+
+
+def _one_area_judged(study: DragStudy, best: Reading) -> Judgement:
+    rule = "some one drag area gives every printed angle; or makes each the best point of one grid of times from t = 0"
+    if any(reading.shared is not None for reading in study.readings):
+        return Judgement(Verdict.HOLDS, rule)
+    grids = [(r, g) for r in study.readings for g in r.grids]
+    for reading, grid in grids:
+        if grid.shared and len(grid.agreeing) == len(study.printed):
+            why = (
+                f"on a grid of {grid.step:g} s, angles read as {reading.angle.value}, g changed {reading.gravity.value}"
+            )
+            return Judgement(Verdict.WITHIN_GRID, rule, why)
+    miss, most = math.degrees(best.root_mean_square), max((len(grid.agreeing) for _, grid in grids), default=0)
+    why = (
+        f"with the best common area, {best.common_drag_area:.3g} m², the angles miss by {miss:.2g} deg (root mean "
+        f"square) under the reading that fits best; a grid gives at most {most} of the {len(study.printed)}"
+    )
+    return Judgement(Verdict.FAILS, rule, why, best.root_mean_square / (math.pi / 4))
+
+
+def _trend(study: DragStudy, reading: Reading) -> Iterator[Row]:
+    angles = {fit.world: math.degrees(fit.common_angle) for fit in reading.worlds}
+    densest = max(study.printed, key=lambda each: each.density)
+    dense, others = densest.world, [name for name in angles if name != densest.world]
+    rises = max(math.degrees(b - a) for curve in reading.curves for a, b in pairwise(curve.angles))
+    least = min(angles[name] for name in others) - angles[dense]
+    yield Row(
+        "best angle falls as drag grows",
+        _SEC,
+        "falling",
+        "largest rise of the best angle with the drag area",
+        Quantity(value=rises, unit="deg"),
+        vanishes(Quantity(value=max(rises, 0.0), unit="deg"), 1e-4, "what a best angle is found to"),
+        FIXED,
+    )
+    yield _exception(study, angles)
+    yield Row(
+        "thin air leaves the angle near 45",
+        _SEC,
+        BEST_ANGLE,
+        f"largest distance from 45 deg but on {dense.capitalize()}",
+        Quantity(value=max((abs(angles[name] - BEST_ANGLE.value) for name in others), default=0.0), unit="deg"),
+        lambda q, _: vanishes(q, _CLOSE, "'close' asks for five degrees"),
+        FIXED,
+    )
+    yield Row(
+        f"much smaller on {dense.capitalize()}",
+        _SEC,
+        f"{densest.printed}°",
+        "best angle of any other world less its own",
+        Quantity(value=least, unit="deg"),
+        positive(Quantity(value=least - _CLOSE, unit="deg"), "the difference, beyond five degrees,"),
+        FIXED,
+    )
+
+
+def _exception(study: DragStudy, angles: dict[str, float]) -> Row:
+    """The table has one world with air above the airless one."""
+    airless = next(each for each in study.printed if each.density == 0)
+    above = max((each for each in study.printed if each.density > 0), key=lambda each: each.value)
+    excess = Quantity(value=angles[above.world] - angles[airless.world], unit="deg")
+    gives = any(fit.drag_areas is not None for r in study.readings for fit in r.worlds if fit.world == above.world)
+    never = Cause(
+        not gives, "drag only ever lowers the best angle, and no reading and no drag area gives the printed one"
+    )
+    some = Cause(gives, "another reading of the table gives it: see the section on drag")
+    return Row(
+        f"{above.world.capitalize()} is the exception",
+        _SEC,
+        f"{above.printed}° > {airless.printed}°",
+        f"best angle on {above.world.capitalize()} less that on the {airless.world.capitalize()}",
+        excess,
+        occurs(excess.value > 0, "a larger best angle in thin air than in none", [never, some]),
+        FIXED,
+    )
+
+
+def _elsewhere(printed: PrintedAngle, step: float) -> Row:
+    """The largest speed comes at another angle than the best one of a world with air, as printed."""
+    return Row(
+        f"largest speed at another angle, {printed.world}",
+        _SEC,
+        f"not {printed.printed}°",
+        "angle of the velocity where the projectile is fastest",
+        FASTEST_ANGLE.of(FIXED).times(180 / math.pi, "deg"),
+        lambda q, text: distinguishable(q, text, step, f"what the angle turns in a step of {TIME_STEP:g} s there"),
+        FIXED,
+    )
+
+
+def _angle_per_step(reading: Reading, world: str) -> float:
+    """How much the velocity turns in one step of the paper's release times, about the best release in vacuum [deg]."""
+    fit = next(each for each in reading.worlds if each.world == world)
+    curve = next(each for each in reading.curves if each.world == world)
+    # The curve of best releases runs along the one throw: its next point is another instant of the same motion.
+    turned = abs(curve.angles[1] - fit.vacuum_angle) / abs(curve.times[1] - fit.vacuum_time)
+    return math.degrees(turned) * TIME_STEP

@@ -1,1 +1,0 @@
-"""Throws by the reference and every engine, read for the same figures."""
