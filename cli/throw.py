@@ -67,8 +67,8 @@ def throw_command(
 
     trebucheck throw --model rolling --sensitivities
     """
-    from ..comparisons.report.terminal import console
-    from ..comparisons.throw.page import print_throw, throw_html
+    from ..comparisons.report import html, terminal
+    from ..comparisons.throw.report import document
     from ..models.files import refuse_unwritable, write_text
     from ..reference.throw.throw import perform
 
@@ -85,11 +85,12 @@ def throw_command(
     performance = perform(mechanism, release, best=best, density=density, drag_area=drag_area, body=body, height=height)
     rows = _sensitivities(model, chosen.whipper(model.strip()), performance.throw.gravity) if sensitivities else ()
     throw = performance.throw.model_copy(update={"sensitivities": rows})
-    page = throw_html(performance, throw)
+    report = document(performance, throw)
+    page = html.page(report)
     write_text(out / "throw.json", throw.to_json())
     write_text(out / "throw.html", page)
-    print_throw(throw, console())
-    console().print(f"\nPage: {out / 'throw.html'}   Data: {out / 'throw.json'}", soft_wrap=True)
+    terminal.show(report, terminal.console())
+    terminal.console().print(f"\nPage: {out / 'throw.html'}   Data: {out / 'throw.json'}", soft_wrap=True)
 
 
 def _machine(model: str, chosen: options.Chosen, assigned: list[str] | None, body: str | None) -> Mechanism:
@@ -114,7 +115,7 @@ def _refuse_another_machine(model: str) -> None:
 
 
 def _sensitivities(model: str, parameters: TrebuchetParameters | None, gravity: float) -> tuple[Sensitivity, ...]:
-    from ..comparisons.throw.page import sensitivities_of
+    from ..comparisons.throw.study import sensitivities_of
     from ..models.machines.parameters import TrebuchetParameters
 
     here = (parameters or TrebuchetParameters()).model_copy(update={"g": gravity})

@@ -73,7 +73,7 @@ def flight_figure(performance: Performance) -> go.Figure:
     landing = flight.range + surroundings.origin
     figure.add_scatter(
         x=[landing], y=[surroundings.ground], mode="markers+text", text=[f"{flight.range:.2f} m"],
-        textposition="top right", marker={"color": _PROJECTILE, "size": 9}, showlegend=False,
+        textposition="top left", marker={"color": _PROJECTILE, "size": 9}, showlegend=False,
     )  # fmt: skip
     figure.update_xaxes(title="x [m]", zeroline=False)
     figure.update_yaxes(title="y [m]", scaleanchor="x", zeroline=False)

@@ -1,0 +1,209 @@
+"""One throw as a document."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from ...models.machines.trebuchet import FULCRUM
+from ...models.mechanism import Mechanism, PinJoint
+from ...reference.throw.members import MemberForce, SupportForce
+from ...reference.throw.throw import FlightFigures, LaunchFigures, Performance, Sensitivity, Throw, origin, spoken
+from ...version import __version__
+from ..report.document import (
+    Cell,
+    Column,
+    Document,
+    Figure,
+    Heading,
+    Note,
+    Row,
+    Table,
+    Text,
+    page_only,
+    row,
+    table,
+    terminal_only,
+    words,
+)  # fmt: skip
+from ..report.numbers import sentence
+from ..report.provenance import mechanism_as_data
+from . import plots
+
+_Row = tuple[str, str]
+
+
+def document(performance: Performance, throw: Throw) -> Document:
+    """All values, warnings and pictures; `throw` is the performance's own, with sensitivities if wanted."""
+    title = _title(throw)
+    values = table((words("", wrap=False), Column("", wrap=True)), _rows(throw), title)
+    measured = (
+        f"Computed by the Lagrangian reference. Positions are measured from where the {origin_name(throw.mechanism)} "
+        "stands at the start; SI units."
+    )
+    blocks = (
+        Note(measured),
+        *(page_only(Text(sentence(warning), "warning")) for warning in throw.warnings),
+        values,
+        Heading("The machine", 2),
+        Figure(
+            plots.machine_figure(performance),
+            caption="At equal intervals of time up to the release, the later the darker.",
+        ),
+        Heading("The flight", 2),
+        Figure(plots.flight_figure(performance)),
+        Heading("Forces", 2),
+        Figure(
+            plots.force_figure(performance),
+            caption="Up to the release; shaded where a member is in compression or wheels would lift off, dotted lines "
+            "where a stop is released.",
+        ),
+        *(
+            (
+                Heading("Sensitivities", 2),
+                Note("Exact derivatives, event times included."),
+                _sensitivities(throw.sensitivities),
+            )
+            if throw.sensitivities
+            else ()
+        ),
+        Note(f"trebucheck {__version__}."),
+        mechanism_as_data(throw.mechanism.name, throw.mechanism),
+        *(terminal_only(Text(f"{warning}.", "warning", lead="warning:")) for warning in throw.warnings),
+    )
+    return Document(title[:1].upper() + title[1:], blocks, f"trebucheck throw: {throw.mechanism.name}")
+
+
+def _title(throw: Throw) -> str:
+    landing = "" if throw.height == 0 else f", landing {throw.height:g} m above the {origin_name(throw.mechanism)}"
+    return f"{throw.mechanism.name}: one throw, g = {throw.gravity:g} m/s²{landing}"
+
+
+def origin_name(mechanism: Mechanism) -> str:
+    """What positions are measured from: the pin, or what a slot of another name guides."""
+    joint = origin(mechanism)
+    if isinstance(joint, PinJoint) or joint.name == FULCRUM:
+        return joint.name
+    there = (m.name for m in mechanism.markers if (m.body, m.point) == (joint.child, joint.child_point))
+    return next(there, joint.name)
+
+
+def _rows(throw: Throw) -> Iterator[Row]:
+    """All values in groups, each under its title."""
+    air = throw.air
+    drag = (
+        f"density {air.density:g} kg/m³, drag area {air.drag_area:g} m²" if air.density * air.drag_area else "no drag"
+    )
+    groups = (
+        (f"Release ({throw.released})", _launch_rows(throw.launch)),
+        ("Stops", _stop_rows(throw)),
+        (f"Flight ({drag})", _flight_rows(throw.flight, origin_name(throw.mechanism))),
+        ("Longest range", _best_rows(throw)),
+        ("Forces up to the release", _force_rows(throw)),
+    )
+    for title, values in groups:
+        rows = [row(f"  {name}", value) for name, value in values]
+        if rows:
+            yield row(Cell(title, "strong"), "")
+            yield from rows
+
+
+def _launch_rows(launch: LaunchFigures) -> Iterator[_Row]:
+    yield "time", f"{launch.time:.9f} s"
+    yield "speed", f"{launch.speed:.6f} m/s"
+    yield "angle of the velocity", f"{math.degrees(launch.angle):.4f} deg"
+    yield "position x, y", f"{launch.x:.4f}, {launch.y:.4f} m"
+    yield from _sling_rows(launch)
+    if launch.kinetic_energy is not None:
+        yield "projectile's kinetic energy", f"{launch.kinetic_energy / 1e3:.4f} kJ"
+    if launch.energy_ratio is not None:
+        yield "R = kinetic / total energy", f"{launch.energy_ratio:.6f}"
+
+
+def _sling_rows(launch: LaunchFigures) -> Iterator[_Row]:
+    if launch.sling_angle is not None:
+        yield "sling to arm", f"{math.degrees(launch.sling_angle):.4f} deg"
+
+
+def _stop_rows(throw: Throw) -> Iterator[_Row]:
+    for rest in throw.rests:
+        opens = "not before the release" if rest.release_time is None else f"{rest.release_time:.9f} s"
+        yield f"{rest.name} opens", opens
+        stop = throw.mechanism.stop(rest.name)
+        yield f"{rest.name}, {stop.effort} at start", f"{rest.start_torque:.4f} {stop.force_unit}"
+
+
+def _flight_rows(flight: FlightFigures, measured_from: str) -> Iterator[_Row]:
+    yield f"range from the {measured_from}", f"{flight.range:.4f} m"
+    yield f"apex above the {measured_from}", f"{flight.apex_height:.4f} m"
+    yield "time of flight", f"{flight.time:.4f} s"
+    yield "impact speed", f"{flight.impact_speed:.4f} m/s"
+    yield "impact angle below level", f"{math.degrees(flight.impact_angle):.4f} deg"
+
+
+def _best_rows(throw: Throw) -> Iterator[_Row]:
+    if throw.best_launch is None or throw.best_flight is None:
+        yield "best release", "none reaches the landing height"
+        return
+    yield "release at", f"{throw.best_launch.time:.9f} s"
+    yield "angle, speed", f"{math.degrees(throw.best_launch.angle):.4f} deg, {throw.best_launch.speed:.4f} m/s"
+    yield from _sling_rows(throw.best_launch)
+    yield "range", f"{throw.best_flight.range:.4f} m"
+    yield "gain over this release", f"{throw.gain:.4f} m"
+
+
+def _force_rows(throw: Throw) -> Iterator[_Row]:
+    for member in throw.members:
+        yield from _member_rows(member)
+    for support in throw.supports:
+        yield from _support_rows(support)
+
+
+def _member_rows(member: MemberForce) -> Iterator[_Row]:
+    name = member.name if member.two_force else f"{member.name} (at {member.joint})"
+    yield f"{name}, largest tension", _force_at(member.peak_tension, member.peak_tension_time)
+    if member.compressed:
+        yield f"{name}, largest compression", _force_at(member.peak_compression, member.peak_compression_time)
+        yield f"{name}, in compression", spoken(member.compressed)
+
+
+def _support_rows(support: SupportForce) -> Iterator[_Row]:
+    direction = f"{round(math.degrees(support.peak_direction), 2) + 0.0:.2f} deg"  # no -0.00
+    yield f"{support.joint}, largest force", f"{_force_at(support.peak, support.peak_time)}, towards {direction}"
+    if support.least is not None and support.least_time is not None:
+        part = "least force on the wheels" if support.rolls else "least upward force"
+        yield f"{support.joint}, {part}", _force_at(support.least, support.least_time)
+    if support.pulls_down:
+        what = "wheels would lift off" if support.rolls else "pulled down by the ground"
+        yield f"{support.joint}, {what}", spoken(support.pulls_down)
+
+
+def _force_at(force: float, time: float) -> str:
+    return f"{force / 1e3 + 0.0:.3f} kN at {time:.4f} s"
+
+
+def _sensitivities(sensitivities: tuple[Sensitivity, ...]) -> Table:
+    units = (("speed", "m/s per unit"), ("range", "m per unit"), ("speed", "m/s per %"), ("range", "m per %"))
+    columns = (words("by", wrap=False), Column("value"), *(Column(title, unit) for title, unit in units))
+    caption = "Sensitivities of the launch at 45 deg, flight without drag"
+    return table(columns, map(_sensitivity_row, sensitivities), caption)
+
+
+def _sensitivity_row(each: Sensitivity) -> tuple[str, ...]:
+    """Name, value, then speed and range per unit and per percent; no percent of a value that is zero."""
+    percent = each.value / 100 or None
+    by_percent = (_signed(each.launch_speed, percent), _signed(each.range, percent))
+    return (
+        each.name,
+        f"{each.value:.6g} {each.unit}",
+        _signed(each.launch_speed, 1),
+        _signed(each.range, 1),
+        *by_percent,
+    )
+
+
+def _signed(derivative: float | None, by: float | None) -> str:
+    if derivative is None or by is None:
+        return "–"
+    change = derivative * by
+    return "0" if abs(change) < 1e-8 else f"{change:+.4g}"  # rounding of a derivative that is zero
