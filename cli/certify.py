@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from . import options
+from . import options, output
 
 if TYPE_CHECKING:
-    from ..models.machines.parameters import TrebuchetParameters
+    from ..comparisons.runs.study import Progress
     from ..models.mechanism import Mechanism
     from ..reference.certification.certificate import Certificate
 
@@ -35,12 +35,15 @@ def certify_command(
     from ..comparisons.report import terminal
     from ..comparisons.report.certificate import document
     from ..models.files import refuse_unwritable, write_text
+    from ..reference.certification.certify import certify
 
     chosen = options.parameters(assignments, beam)
     machines = options.machines(models, chosen)
     refuse_unwritable(out)
     for name, mechanism in zip(options.names(models, "--models"), machines, strict=True):
-        certificate = _with_progress(mechanism, chosen.whipper(name), _command(name, assignments, beam))
+        command = _command(name, assignments, beam)
+        with output.progress(width=28) as show:
+            certificate = certify(mechanism, chosen.whipper(name), command=command, progress=_named(mechanism, show))
         write_text(out / f"{mechanism.name}.json", certificate.to_json() + "\n")
         terminal.show(document(certificate), terminal.console())
         terminal.console().print(f"Certificate: {out / f'{mechanism.name}.json'}\n", soft_wrap=True)
@@ -54,18 +57,5 @@ def _command(name: str, assignments: list[str] | None, beam: float | None) -> st
     return shlex.join([*words, "--beam", repr(beam)] if beam is not None else words)
 
 
-def _with_progress(mechanism: Mechanism, parameters: TrebuchetParameters | None, command: str) -> Certificate:
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    from ..comparisons.report.terminal import progress_console
-    from ..reference.certification.certify import certify
-
-    columns = (TextColumn("{task.description:<28}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    to = progress_console()
-    with Progress(*columns, console=to, transient=True, disable=not to.is_terminal) as bar:
-        task = bar.add_task("reference", total=None)
-
-        def show(name: str, done: int, of: int) -> None:
-            bar.update(task, description=f"{mechanism.name}: {name}", completed=done, total=of)
-
-        return certify(mechanism, parameters, command=command, progress=show)
+def _named(mechanism: Mechanism, show: Progress) -> Progress:
+    return lambda what, done, of: show(f"{mechanism.name}: {what}", done, of)

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from . import options
-
-if TYPE_CHECKING:
-    from ..comparisons.converge.results import Studies
-    from ..models.mechanism import Mechanism
+from . import options, output
 
 
 def converge_command(
@@ -22,8 +20,8 @@ def converge_command(
     ] = "",
     assignments: options.Set = None,
     beam: options.Beam = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Take finished runs from the folder again.")] = False,
-    timeout: Annotated[float, typer.Option("--timeout", help="Longest wait for one run (s).")] = 600.0,
+    resume: options.Resume = False,
+    timeout: options.Timeout = 600.0,
     out: Annotated[Path, typer.Option("--out", help="Folder for converge.html, converge.json and the runs.")] = Path(
         "converge"
     ),
@@ -38,46 +36,21 @@ def converge_command(
 
     trebucheck converge --models rolling --engines mujoco --knobs timestep,solref --set l1=9.5
     """
+    from ..comparisons.converge.page import page
+    from ..comparisons.converge.study import converge
+    from ..comparisons.converge.terminal import print_studies
+    from ..comparisons.runs.study import Study
     from ..models.files import refuse_unwritable
 
-    machines = options.machines(models, options.parameters(assignments, beam))
-    engine_list = options.names(engines, "--engines") if engines else None
-    knob_list = options.names(knobs, "--knobs") if knobs else None
+    study = Study(
+        models=options.machines(models, options.parameters(assignments, beam)),
+        engines=options.engine_names(engines),
+        store=options.trials(out, resume),
+        timeout=timeout,
+    )
+    chosen = options.names(knobs, "--knobs") if knobs else None
     refuse_unwritable(out)
-    _write(_with_progress(machines, engine_list, knob_list, out, resume, timeout), out)
-
-
-def _with_progress(
-    machines: list[Mechanism],
-    engines: list[str] | None,
-    knobs: list[str] | None,
-    out: Path,
-    resume: bool,
-    timeout: float,
-) -> Studies:
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    from ..comparisons.converge.study import converge
-    from ..comparisons.report.terminal import progress_console
-
-    columns = (TextColumn("{task.description:<40}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    to = progress_console()
-    with Progress(*columns, console=to, transient=True, disable=not to.is_terminal) as bar:
-        task = bar.add_task("reference", total=None)
-
-        def show(what: str, done: int, of: int) -> None:
-            bar.update(task, description=what, completed=done, total=of)
-
-        return converge(machines, engines, knobs, folder=out / "trials", resume=resume, timeout=timeout, progress=show)
-
-
-def _write(studies: Studies, out: Path) -> None:
-    from ..comparisons.converge.page import page
-    from ..comparisons.converge.terminal import print_studies
-    from ..comparisons.report.terminal import console
-    from ..models.files import write_text
-
-    write_text(out / "converge.json", studies.to_json())
-    write_text(out / "converge.html", page(studies))
-    print_studies(studies, console())
-    console().print(f"\nReport: {out / 'converge.html'}   Data: {out / 'converge.json'}", soft_wrap=True)
+    with output.progress() as show:
+        studies = converge(replace(study, progress=show), chosen)
+    data, report = (out / "converge.json", studies.to_json()), (out / "converge.html", lambda: page(studies))
+    output.write(data, report, partial(print_studies, studies), "Report")

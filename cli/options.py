@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
+    from ..comparisons.runs.store import Store
     from ..models.machines.parameters import TrebuchetParameters
     from ..models.mechanism import Mechanism
     from ..models.spec import Spec
@@ -33,6 +34,9 @@ Set = Annotated[
 Beam = Annotated[
     float | None, typer.Option("--beam", help="Keep l1 + l2 at this length (m): l2 follows from l1 (paper: 14).")
 ]
+Resume = Annotated[bool, typer.Option("--resume", help="Take finished runs from the folder again.")]
+Timeout = Annotated[float, typer.Option("--timeout", help="Longest wait for one run (s).")]
+StopLaw = Annotated[str, typer.Option("--stop-law", help="release-once or unilateral.")]
 EngineOption = Annotated[
     list[str] | None,
     typer.Option("--option", metavar="NAME=VALUE", help="A numerical option of the engine; repeatable."),
@@ -156,6 +160,36 @@ def machines(text: str, chosen: Chosen) -> list[Mechanism]:
             raise InputError(f"--set and --beam are for named machines; {name} holds its own values.")
         found.append(Mechanism.load(Path(name)) if name.endswith(".json") else model(name, chosen.of(name)))
     return found
+
+
+def machine(text: str, chosen: Chosen, command: str) -> Mechanism:
+    """The mechanism of a command that takes one.
+
+    Raises:
+        InputError: as :func:`machines`, or there are several.
+    """
+    from ..models.errors import InputError
+
+    found = machines(text, chosen)
+    if len(found) != 1:
+        raise InputError(f"--model {text!r} names {len(found)} machines; `{command}` takes one.")
+    return found[0]
+
+
+def engine_names(text: str) -> list[str] | None:
+    """Engines of a comma list; None, which stands for all, where nothing is said.
+
+    Raises:
+        InputError: the list is empty.
+    """
+    return names(text, "--engines") if text else None
+
+
+def trials(out: Path, resume: bool) -> Store:
+    """Where a study of many short runs keeps them."""
+    from ..comparisons.runs.store import Store
+
+    return Store(out / "trials", resume, out / "trials")
 
 
 def engine_options(texts: list[str] | None) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from . import options
+from . import options, output
 
 if TYPE_CHECKING:
     from ..paper.results import Study
@@ -36,30 +36,16 @@ def paper_command(
     """
     from ..models.errors import InputError
     from ..models.files import refuse_unwritable
+    from ..paper.study import study
 
     if not timeout > 0:
         raise InputError(f"timeout = {timeout!r} s must be positive.")
     engine_list = options.names(engines, "--engines") if engines else None
     section_list = options.names(sections, "--sections") if sections else None
     refuse_unwritable(out)
-    _write(_with_progress(engine_list, section_list, timeout), out)
-
-
-def _with_progress(engines: list[str] | None, sections: list[str] | None, timeout: float) -> Study:
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    from ..comparisons.report.terminal import progress_console
-    from ..paper.study import study
-
-    columns = (TextColumn("{task.description:<40}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    to = progress_console()
-    with Progress(*columns, console=to, transient=True, disable=not to.is_terminal) as bar:
-        task = bar.add_task("paper", total=None)
-
-        def show(what: str, done: int, of: int) -> None:
-            bar.update(task, description=what, completed=done, total=of)
-
-        return study(engines, sections=sections, timeout=timeout, progress=show)
+    with output.progress("paper") as show:
+        judged = study(engine_list, sections=section_list, timeout=timeout, progress=show)
+    _write(judged, out)
 
 
 def _write(study: Study, out: Path) -> None:

@@ -22,7 +22,7 @@ def run_command(
     assignments: options.Set = None,
     beam: options.Beam = None,
     option: options.EngineOption = None,
-    stop_law: Annotated[str, typer.Option("--stop-law", help="release-once or unilateral.")] = "release-once",
+    stop_law: options.StopLaw = "release-once",
     out: Annotated[Path, typer.Option("--out", help="NetCDF file to write, or a folder for it.")] = Path("report"),
 ) -> None:
     """Simulate one machine with one engine; write its trajectory as NetCDF and print a summary.
@@ -36,14 +36,10 @@ def run_command(
     from ..comparisons.runs.report import document
     from ..engines.registry import engine as make
     from ..models.dataset import save
-    from ..models.errors import InputError
     from ..models.files import refuse_unwritable
     from ..models.problem import Problem
 
-    mechanisms = options.machines(model, options.parameters(assignments, beam))
-    if len(mechanisms) != 1:
-        raise InputError(f"--model {model!r} names {len(mechanisms)} machines; `run` takes one.")
-    mechanism = mechanisms[0]
+    mechanism = options.machine(model, options.parameters(assignments, beam), "run")
     own = options.engine_options(option)
     if timestep is not None:
         own["timestep"] = timestep

@@ -96,12 +96,10 @@ def throw_command(
 def _machine(model: str, chosen: options.Chosen, assigned: list[str] | None, body: str | None) -> Mechanism:
     from ..models.errors import InputError
 
-    mechanisms = options.machines(model, chosen)
-    if len(mechanisms) != 1:
-        raise InputError(f"--model {model!r} names {len(mechanisms)} machines; `throw` takes one.")
+    mechanism = options.machine(model, chosen, "throw")
     if body is not None and "g" in options.assignments(assigned, "--set"):
         raise InputError(f"--body {body} brings its own gravity; leave out --set g, or --body.")
-    return mechanisms[0]
+    return mechanism
 
 
 def _refuse_another_machine(model: str) -> None:

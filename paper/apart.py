@@ -11,7 +11,7 @@ from typing import Any
 
 from joblib.externals.loky.process_executor import ProcessPoolExecutor
 
-from ..comparisons.runs.worker import deaf_to_interrupts
+from ..comparisons.runs.worker import block_sigint
 from ..models.errors import TrebucheckError
 
 Job = Callable[[], Any]
@@ -36,7 +36,7 @@ class Jobs:
             # A pool each: loky declares a whole pool broken when one process dies.
             with _quiet_tracker():
                 pool = ProcessPoolExecutor(max_workers=1)
-            with deaf_to_interrupts():
+            with block_sigint():
                 self._running[pool.submit(job)] = (name, pool)
 
     @property

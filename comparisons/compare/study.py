@@ -2,60 +2,69 @@
 
 from __future__ import annotations
 
-import platform
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property
 from itertools import combinations
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
-from pydantic import JsonValue
 
 from ...engines.protocol import Engine
-from ...engines.registry import engine, engine_class, engine_names
-from ...models.errors import EngineNotInstalledError, InputError, TrebucheckError, UnsupportedProblemError
+from ...engines.registry import engine_class
+from ...models.errors import InputError
 from ...models.machines.registry import model
 from ...models.mechanism import Mechanism
-from ...models.problem import Problem, StopLaw
+from ...models.problem import StopLaw
 from ...models.spec import Spec
 from ...models.trajectory import Trajectory
 from ...reference.certification.certificate import reference_uncertainty
 from ...reference.solution import Solution
-from ...reference.solver import solve, solve_to_launch
 from ..diagnosis.model import gate
 from ..diagnosis.motion import diagnose_motion
 from ..report.numbers import format_number
 from ..runs.metrics import measure
-from ..runs.pairs import against_each_other
-from ..runs.results import Diagnosis, Equality, Machine, Metric, Outcome, Pair, Results, Run
-from ..runs.store import Store
+from ..runs.pairs import Compared, pair_of
+from ..runs.results import Diagnosis, Equality, Machine, Outcome, Pair, Results, Run
+from ..runs.runner import Runner, failure
+from ..runs.store import Store, code_digest, digest
+from ..runs.study import PRESETS, Study
 from ..runs.tolerances import judge
-from ..runs.worker import Worker, simulate_warm
+from ..runs.worker import Worker
+
+_K = TypeVar("_K")
+_V = TypeVar("_V")
 
 
-@dataclass(frozen=True)
-class _Runner:
-    """How engines are called: here, or in a process of their own."""
+class OnDemand(Mapping[_K, _V]):
+    """A mapping whose values are made, once, when they are first asked for."""
 
-    simulate: Callable[[Engine, Problem], Trajectory]
-    gate: Callable[[Engine, Mechanism], tuple[Equality, Diagnosis | None]]
+    def __init__(self, makers: Mapping[_K, Callable[[], _V]]) -> None:
+        self._makers, self._made = dict(makers), dict[_K, _V]()
 
+    def __getitem__(self, key: _K) -> _V:
+        if key not in self._made:
+            self._made[key] = self._makers[key]()
+        return self._made[key]
 
-PRESETS = ("tuned", "stock")
-_TAIL_STEPS, _TAIL = 20, 0.02  # an engine runs on past the reference's launch, so that its own can be found
-_REFERENCE_TAIL = 1.0  # [s] and the reference further still
+    def __iter__(self) -> Iterator[_K]:
+        return iter(self._makers)
+
+    def __len__(self) -> int:
+        return len(self._makers)
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Results, and the motions behind them."""
+    """Results, and the motions behind them; motions of runs that were finished before are read when asked for."""
 
     results: Results
-    solutions: dict[str, Solution]
+    solutions: Mapping[str, Solution]
     """Reference motion by model."""
-    trajectories: dict[tuple[str, str], Trajectory]
+    trajectories: Mapping[tuple[str, str], Trajectory]
     """By model and run label ('mujoco tuned')."""
+    repeated: bool = False
+    """Every run and every figure was taken from the store: nothing was measured now."""
 
     @property
     def passed(self) -> bool:
@@ -76,15 +85,10 @@ class Case:
         """As the report names it."""
         return f"{self.engine} {self.preset}"
 
-
-@dataclass(frozen=True)
-class _Setup:
-    """A machine with its reference."""
-
-    machine: Machine
-    solution: Solution
-    stop_law: StopLaw
-    peaks: dict[str, float]
+    @property
+    def record(self) -> str:
+        """Name of its record in the store."""
+        return f"{self.model}-{self.engine}-{self.preset}"
 
 
 def compare(
@@ -121,65 +125,198 @@ def compare(
     Raises:
         InputError: a name or a value is not valid. A run that fails raises nothing: it becomes a failed row.
     """
-    if not timeout > 0:
-        raise InputError(f"timeout = {timeout!r} s must be positive.")
-    law = _law(stop_law)
-    mechanisms = _mechanisms(models, parameters)
-    names = _unique(engines if engines is not None else engine_names())
-    cases = [Case(mechanism.name, name, preset) for mechanism in mechanisms for name in names for preset in presets]
-    makers = {(case.engine, case.preset): _checked_engine(case, timestep, options) for case in cases}
-    setups = {mechanism.name: _setup(mechanism, duration, law) for mechanism in mechanisms}
-    trajectories: dict[tuple[str, str], Trajectory] = {}
-    runs: list[Run] = []
-    with Worker(timeout) as worker:
-        calls = _Runner(worker.simulate, partial(worker.call, gate)) if isolate else _Runner(simulate_warm, gate)
+    study = Study(
+        models=models,
+        engines=engines,
+        presets=presets,
+        parameters=parameters,
+        options=options if timestep is None else {"timestep": timestep, **options},
+        stop_law=stop_law,
+        duration=duration,
+        store=store,
+        isolate=isolate,
+        timeout=timeout,
+    )
+    cases = [
+        Case(mechanism.name, name, preset)
+        for mechanism in study.mechanisms
+        for name in study.every_engine
+        for preset in study.presets
+    ]
+    return _compared(study, cases, progress)
+
+
+def _compared(study: Study, cases: list[Case], progress: Callable[[Case, int, int], None] | None) -> Comparison:
+    # Every engine is made before the first run, so that a wrong name or option costs no waiting.
+    engines = {(c.engine, c.preset): study.engine(c.engine, c.preset) for c in cases}
+    with study.worker() as worker:
+        machines = {m.name: _MachineRuns(study, m, worker) for m in study.mechanisms}
         for done, case in enumerate(cases):
-            if progress:
+            if progress is not None:
                 progress(case, done, len(cases))
-            run, trajectory = _run(case, makers[case.engine, case.preset], setups[case.model], store, calls)
-            runs.append(run)
-            if trajectory is not None:
-                trajectories[case.model, case.label] = trajectory
-    pairs = tuple(_pairs(setups, trajectories))
-    machines = tuple(setup.machine for setup in setups.values())
-    results = _results(machines, runs, pairs)
-    return Comparison(results, {name: setup.solution for name, setup in setups.items()}, trajectories)
+            machines[case.model].run(case, engines[case.engine, case.preset])
+        pairs = [pair for runs in machines.values() for pair in runs.pairs()]
+    return Comparison(
+        Results.made_here(
+            machines=tuple(runs.machine for runs in machines.values()),
+            runs=tuple(run for runs in machines.values() for run in runs.runs),
+            pairs=tuple(pairs),
+        ),
+        OnDemand({name: lambda runs=runs: runs.runner.solution for name, runs in machines.items()}),
+        OnDemand({(name, label): make for name, runs in machines.items() for label, make in runs.motions.items()}),
+        all(runs.repeated for runs in machines.values()),
+    )
 
 
-def _law(stop_law: StopLaw | str) -> StopLaw:
-    try:
-        return StopLaw(stop_law)
-    except ValueError:
-        valid = ", ".join(law.value for law in StopLaw)
-        raise InputError(f"stop_law = {stop_law!r} is unknown; there are: {valid}.") from None
+class _MachineRecord(Spec):
+    """What a store keeps of a machine: its row, and its pairs by what their trajectories' files hold."""
+
+    conditions: str
+    machine: Machine
+    pairs: dict[str, Pair]
 
 
-def _unique(names: Iterable[str]) -> list[str]:
-    return list(dict.fromkeys(names))
+class _RunRecord(Spec):
+    """What a store keeps of a run beside its trajectory."""
+
+    conditions: tuple[str, ...]
+    trajectory: str
+    """SHA-256 of the trajectory's file."""
+    run: Run
 
 
-def _mechanisms(models: Iterable[str | Mechanism], parameters: Spec | None) -> list[Mechanism]:
-    found = [model(m, parameters) if isinstance(m, str) else m for m in models]
-    by_name = {mechanism.name: mechanism for mechanism in found}
-    if not by_name:
-        raise InputError("no model was named; at least one is needed.")
-    return list(by_name.values())
+class _MachineRuns:
+    """One machine: its reference, its runs so far, and what the store has of them.
+
+    Raises:
+        TrebucheckError: the duration is not valid, or the reference cannot move the mechanism.
+    """
+
+    def __init__(self, study: Study, mechanism: Mechanism, worker: Worker) -> None:
+        self.store, self.runner = study.store, Runner(mechanism, worker, study.duration, study.law)
+        self.runs: list[Run] = []
+        self.motions: dict[str, Callable[[], Trajectory]] = {}
+        self._compared: dict[str, Compared] = {}
+        self._files: dict[str, str | None] = {}
+        code = code_digest() if self.store else ""
+        self._conditions = f"{mechanism.content_hash} {study.duration} {study.law.value} {code}"
+        kept = self.store.record(mechanism.name, _MachineRecord) if self.store else None
+        self._kept = kept if kept is not None and kept.conditions == self._conditions else None
+        self.machine = self._kept.machine if self._kept else _machine_row(self.runner)
+        self.repeated = self._kept is not None
+
+    def run(self, case: Case, engine: Engine) -> None:
+        """Run an engine, or take its finished run from the store."""
+        run = self._finished(case, engine)
+        if run is None:
+            self.repeated = False
+            run = self._new(case, engine)
+        self.runs.append(run)
+
+    def _finished(self, case: Case, engine: Engine) -> Run | None:
+        record = self.store.record(case.record, _RunRecord) if self.store else None
+        if self.store is None or record is None or record.conditions != self._run_conditions(case, engine):
+            return None
+        path = self.store.path(case.model, case.label)
+        self._files[case.label] = digest(path)
+        if record.trajectory != self._files[case.label]:
+            return None
+        store = self.store
+        self.motions[case.label] = lambda: store.load(case.model, case.label)
+        return record.run
+
+    def _run_conditions(self, case: Case, engine: Engine) -> tuple[str, ...]:
+        return self._conditions, engine_class(case.engine).version(), repr(sorted(engine.settings.items()))
+
+    def _new(self, case: Case, engine: Engine) -> Run:
+        run = Run(
+            model=case.model,
+            engine=case.engine,
+            preset=case.preset,
+            outcome=Outcome.OK,
+            engine_version=engine_class(case.engine).version(),
+            settings=engine.settings,
+        )
+        try:
+            equality, diagnosis = self.runner.worker.call(gate, engine, self.runner.mechanism)
+            run = run.model_copy(update={"equality": equality, "diagnosis": diagnosis})
+            if not equality.holds:
+                return run.model_copy(update={"outcome": Outcome.UNEQUAL, "message": _unequal(equality)})
+            trajectory = self._trajectory(case, engine)
+            reference = self.runner.reference(trajectory.t)
+            metrics = measure(trajectory, self.runner.solution, self.runner.end, reference)
+        except Exception as error:
+            outcome, message = failure(error)
+            return run.model_copy(update={"outcome": outcome, "message": message})
+        made = trajectory.provenance
+        run = run.model_copy(update={"metrics": metrics, "steps": made.steps, "wall_time": made.wall_time})
+        run = run.model_copy(update={"metrics": judge(run, self.machine, self._peaks)})
+        if run.broken:
+            run = run.model_copy(update={"outcome": Outcome.BROKEN})
+            run = run.model_copy(update={"diagnosis": self._diagnosed(run, trajectory, engine)})
+        self.motions[case.label] = lambda: trajectory
+        self._compared[case.label] = Compared.of(trajectory, reference)
+        self._keep(case, engine, run)
+        return run
+
+    def _trajectory(self, case: Case, engine: Engine) -> Trajectory:
+        if self.store is None:
+            return self.runner.simulate(engine)
+        version = engine_class(case.engine).version()
+        kept = self.store.trajectory(case.label, engine.settings, version, self.runner.problem(engine))
+        if kept is None:
+            kept = self.runner.simulate(engine)
+            self.store.keep(kept, case.model, case.label)
+        return kept
+
+    def _keep(self, case: Case, engine: Engine, run: Run) -> None:
+        """Write what was measured, for a trajectory that is in the store."""
+        if self.store is None or self.store.records is None:
+            return
+        file = digest(self.store.path(case.model, case.label)) or ""
+        self._files[case.label] = file
+        conditions = self._run_conditions(case, engine)
+        self.store.keep_record(case.record, _RunRecord(conditions=conditions, trajectory=file, run=run))
+
+    def _diagnosed(self, run: Run, trajectory: Trajectory, engine: Engine) -> Diagnosis | None:
+        solution, end, simulate = self.runner.solution, self.runner.end, self.runner.worker.simulate
+        try:
+            return diagnose_motion(run, trajectory, solution, end, engine, simulate)
+        except Exception:  # a diagnosis that fails must not cost the row it is about
+            return None
+
+    @cached_property
+    def _peaks(self) -> dict[str, float]:
+        times = np.linspace(0.0, self.runner.end, 2001)
+        return {name: float(torque.max()) for name, torque in self.runner.solution.motion(times).stop_torques.items()}
+
+    def pairs(self) -> list[Pair]:
+        """Every two runs that moved, compared with each other; kept in the store with the machine's row."""
+        kept = self._kept.pairs if self._kept else {}
+        pairs: dict[str, Pair] = {}
+        for labels in combinations(self.motions, 2):
+            key = ", ".join(f"{label}: {self._files.get(label)}" for label in labels)
+            pairs[key] = kept.get(key) or self._pair(*labels)
+        if pairs != kept:
+            self.repeated = False
+        if self.store and not self.repeated:
+            record = _MachineRecord(conditions=self._conditions, machine=self.machine, pairs=pairs)
+            self.store.keep_record(self.machine.model, record)
+        return list(pairs.values())
+
+    def _pair(self, first: str, second: str) -> Pair:
+        for label in (first, second):
+            if label not in self._compared:
+                trajectory = self.motions[label]()
+                self._compared[label] = Compared.of(trajectory, self.runner.reference(trajectory.t))
+        end = self.machine.compared_to
+        return pair_of(self.machine.model, (first, second), self._compared[first], self._compared[second], end)
 
 
-def _checked_engine(case: Case, timestep: float | None, options: dict[str, Any]) -> Engine:
-    """Make every engine before the first run, so that a wrong name or option costs no waiting."""
-    own = dict(options) if timestep is None else {"timestep": timestep, **options}
-    return engine(case.engine, case.preset, **own)
-
-
-def _setup(mechanism: Mechanism, duration: float | None, law: StopLaw) -> _Setup:
-    solution, end = _reference(mechanism, duration, law)
-    launch = solution.launch
-    uncertainties = reference_uncertainty(solution, end)
-    start = solution.motion(np.zeros(1))
-    times = np.linspace(0.0, end, 2001)
-    peaks = {name: float(torque.max()) for name, torque in solution.motion(times).stop_torques.items()}
-    machine = Machine(
+def _machine_row(runner: Runner) -> Machine:
+    mechanism, solution, end = runner.mechanism, runner.solution, runner.end
+    launch, uncertainties = solution.launch, reference_uncertainty(solution, end)
+    return Machine(
         model=mechanism.name,
         mechanism=mechanism,
         mechanism_hash=mechanism.content_hash,
@@ -191,18 +328,8 @@ def _setup(mechanism: Mechanism, duration: float | None, law: StopLaw) -> _Setup
         uncertainty_source=uncertainties.source,
         impacts=sum(time <= end for time, _ in solution.impacts),
         release_times=dict(solution.release_times),
-        start_torques={name: float(torque[0]) for name, torque in start.stop_torques.items()},
+        start_torques={name: float(torque[0]) for name, torque in solution.motion(np.zeros(1)).stop_torques.items()},
     )
-    return _Setup(machine, solution, law, peaks)
-
-
-def _reference(mechanism: Mechanism, duration: float | None, law: StopLaw) -> tuple[Solution, float]:
-    """The reference motion, somewhat longer than the compared one, and the end of that [s]."""
-    if duration is not None:
-        asked = Problem(mechanism, duration=duration, stop_law=law)
-        return solve(Problem(mechanism, duration=asked.duration + _REFERENCE_TAIL, stop_law=law)), asked.duration
-    solution = solve_to_launch(mechanism, law)
-    return solution, solution.launch.time if solution.launch else solution.problem.duration
 
 
 def _is_table_one(mechanism: Mechanism) -> bool:
@@ -212,99 +339,8 @@ def _is_table_one(mechanism: Mechanism) -> bool:
         return False
 
 
-def _run(
-    case: Case, runner: Engine, setup: _Setup, store: Store | None, calls: _Runner
-) -> tuple[Run, Trajectory | None]:
-    settings = runner.settings
-    run = Run(
-        model=case.model,
-        engine=case.engine,
-        preset=case.preset,
-        outcome=Outcome.OK,
-        engine_version=engine_class(case.engine).version(),
-        settings=settings,
-    )
-    try:
-        equality, diagnosis = calls.gate(runner, setup.machine.mechanism)
-        run = run.model_copy(update={"equality": equality, "diagnosis": diagnosis})
-        if not equality.holds:
-            return run.model_copy(update={"outcome": Outcome.UNEQUAL, "message": _unequal(equality)}), None
-        trajectory = _trajectory(case, runner, setup, settings, store, calls.simulate)
-        metrics = measure(trajectory, setup.solution, setup.machine.compared_to)
-    except TrebucheckError as error:
-        return run.model_copy(update={"outcome": _outcome_of(error), "message": str(error)}), None
-    except Exception as error:  # a plug-in may raise anything; the report must survive it
-        message = f"{type(error).__name__}: {error}"
-        return run.model_copy(update={"outcome": Outcome.FAILED, "message": message}), None
-    run = _judged(run, trajectory, metrics, setup)
-    if run.broken:
-        run = run.model_copy(update={"diagnosis": _diagnosed(run, trajectory, setup, runner, calls)})
-    return run, trajectory
-
-
 def _unequal(equality: Equality) -> str:
     if equality.note:
         return equality.note
     broken = ", ".join(f"{check.label} off by {format_number(check.value)}" for check in equality.broken)
     return f"the built model differs before any motion: {broken}; its motion was not compared."
-
-
-def _diagnosed(run: Run, trajectory: Trajectory, setup: _Setup, runner: Engine, calls: _Runner) -> Diagnosis | None:
-    try:
-        return diagnose_motion(run, trajectory, setup.solution, setup.machine.compared_to, runner, calls.simulate)
-    except Exception:  # a diagnosis that fails must not cost the row it is about
-        return None
-
-
-def _outcome_of(error: TrebucheckError) -> Outcome:
-    if isinstance(error, EngineNotInstalledError):
-        return Outcome.ABSENT
-    return Outcome.UNSUPPORTED if isinstance(error, UnsupportedProblemError) else Outcome.FAILED
-
-
-def _trajectory(
-    case: Case,
-    runner: Engine,
-    setup: _Setup,
-    settings: dict[str, JsonValue],
-    store: Store | None,
-    simulate: Callable[[Engine, Problem], Trajectory],
-) -> Trajectory:
-    step = settings.get("timestep")
-    tail = max(_TAIL, _TAIL_STEPS * step) if isinstance(step, float) else _TAIL
-    duration = min(setup.machine.compared_to + tail, setup.solution.problem.duration)
-    problem = Problem(setup.machine.mechanism, duration=duration, stop_law=setup.stop_law)
-    if store is None:
-        return simulate(runner, problem)
-    return store.kept_or_made(case.label, settings, problem, lambda: simulate(runner, problem))
-
-
-def _judged(base: Run, trajectory: Trajectory, metrics: Sequence[Metric], setup: _Setup) -> Run:
-    provenance = trajectory.provenance
-    run = base.model_copy(
-        update={"metrics": tuple(metrics), "steps": provenance.steps, "wall_time": provenance.wall_time}
-    )
-    run = run.model_copy(update={"metrics": judge(run, setup.machine, setup.peaks)})
-    return run.model_copy(update={"outcome": Outcome.BROKEN if run.broken else Outcome.OK})
-
-
-def _pairs(setups: dict[str, _Setup], trajectories: dict[tuple[str, str], Trajectory]) -> Iterable[Pair]:
-    for model_name, setup in setups.items():
-        own = {label: t for (name, label), t in trajectories.items() if name == model_name}
-        for first, second in combinations(own, 2):
-            yield against_each_other(
-                setup.solution, (first, own[first]), (second, own[second]), setup.machine.compared_to
-            )
-
-
-def _results(machines: tuple[Machine, ...], runs: list[Run], pairs: tuple[Pair, ...]) -> Results:
-    from ...version import __version__
-
-    return Results(
-        trebucheck_version=__version__,
-        python_version=platform.python_version(),
-        platform=f"{platform.system()} {platform.machine()}",
-        machines=machines,
-        runs=tuple(runs),
-        pairs=pairs,
-    )

@@ -9,6 +9,7 @@ from pydantic import Field, JsonValue
 
 from ...models.mechanism import Mechanism
 from ...models.spec import NonNegative, Positive, Real, Spec
+from ..runs.results import ResultFile
 
 FORMAT = "trebucheck-converge-1"
 
@@ -150,11 +151,8 @@ class MachineStudies(Spec):
         return next((limit for limit in self.limits if limit.label == label), None)
 
 
-class Studies(Spec):
+class Studies(ResultFile):
     """The whole of `trebucheck converge`."""
 
     format: Literal["trebucheck-converge-1"] = FORMAT
-    trebucheck_version: str
-    python_version: str
-    platform: str
     machines: tuple[MachineStudies, ...]

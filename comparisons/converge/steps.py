@@ -6,14 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-_TAIL_STEPS, _TAIL = 20, 0.02  # as in ..trials: an engine runs on past the launch by the longer of the two
+from ..runs.runner import TAIL, TAIL_STEPS
+
 _NEAR = 0.03  # how far from the step asked for is looked
 _CANDIDATES = 6001
-
-
-def duration(end: float, step: float) -> float:
-    """How long a trial is [s], for a throw that is compared up to `end` [s]."""
-    return end + max(_TAIL, _TAIL_STEPS * step)
 
 
 def fitting(step: float, end: float, events: Sequence[float]) -> float:
@@ -28,7 +24,7 @@ def fitting(step: float, end: float, events: Sequence[float]) -> float:
         events: times of the reference's releases [s].
     """
     candidates = step * np.linspace(1.0 - _NEAR, 1.0 + _NEAR, _CANDIDATES)
-    durations = end + np.maximum(_TAIL, _TAIL_STEPS * candidates)
+    durations = end + np.maximum(TAIL, TAIL_STEPS * candidates)
     left = [(durations - start) / candidates for start in (0.0, *events)]
     shortened = np.max([(np.ceil(n - 1e-9) - n) / n for n in left], axis=0)
     return float(candidates[int(np.argmin(shortened))])

@@ -1,108 +1,67 @@
-"""Studies of a machine: knobs turned through their values, orders fitted, floors looked into, limits taken."""
+"""Convergence of engines on a machine: parameters swept, orders fitted, floors explained, limits extrapolated."""
 
 from __future__ import annotations
 
-import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...engines.registry import engine, engine_class, engine_names
+from ...engines.registry import engine, engine_class
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
-from ...models.mechanism import Mechanism
 from ...reference.certification.certificate import Uncertainties, reference_uncertainty
 from ..runs.deviation import Deviation
+from ..runs.study import Counter, Study
 from ..runs.trials import Trial, Trials
-from ..runs.worker import Worker
 from .fit import power_law
 from .floor import Site, floor
 from .parameters import Knob, knobs
-from .results import Curve, Floor, Limit, LimitPair, MachineStudies, Point, PowerLaw, QuantityName, Studies, Study
+from .results import Curve, Floor, Limit, LimitPair, MachineStudies, Point, PowerLaw, QuantityName, Studies
+from .results import Study as ParameterStudy
 from .richardson import Extrapolated, Level, largest, limit
 from .steps import fitting
-
-Progress = Callable[[str, int, int], None]
-"""Called before each point with what it is, the number done and the number of all; floors take runs beside these."""
 
 _QUANTITIES: tuple[QuantityName, ...] = ("position", "torque")
 
 
 @dataclass(frozen=True)
-class _Turned:
+class _Refinement:
     """A study as it is carried out: its data, and the trials behind its points."""
 
-    study: Study
+    study: ParameterStudy
     knob: Knob
     trials: tuple[Trial | None, ...]
     """None where the engine refused the options."""
 
 
-def converge(
-    mechanisms: Sequence[Mechanism],
-    engines: Sequence[str] | None = None,
-    chosen: Sequence[str] | None = None,
-    *,
-    folder: Path | None = None,
-    resume: bool = False,
-    isolate: bool = True,
-    timeout: float = 600.0,
-    progress: Progress | None = None,
-) -> Studies:
-    """Carry out the studies.
+def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
+    """Carry out the studies; each machine must launch.
 
     Args:
-        mechanisms: the machines; each must launch.
-        engines: names; all known ones but the reference if left out. Those not installed are listed as absent.
-        chosen: names of knobs (:func:`.parameters.knob_names`); all if left out.
-        folder: where trials are kept.
-        resume: take kept trials again.
-        isolate: simulate in a process of its own.
-        timeout: longest wait for one run [s].
-        progress: called before each point.
+        study: mechanisms, engines (all known ones but the reference if None; those not installed are listed as
+            absent), and how they are run. Its presets and options are not used: each swept parameter has its own.
+        chosen: names of swept parameters (:func:`.parameters.knob_names`); all if left out.
 
     Raises:
         InputError: a name or value is not valid, or there is nothing to do. A failed run is a failed point.
     """
-    from ...version import __version__
-
-    if not timeout > 0:
-        raise InputError(f"timeout = {timeout!r} s must be positive.")
-    absent, plan = _plan(engines, chosen)
-    total, done = len(mechanisms) * sum(len(knob.values) for _, knob in plan), 0
-
-    def tick(what: str) -> None:
-        nonlocal done
-        if progress:
-            progress(what, done, total)
-        done += 1
-
-    found: list[MachineStudies] = []
-    with Worker(timeout) as worker:
-        for mechanism in mechanisms:
-            with Trials(mechanism, folder=folder, resume=resume, isolate=isolate, worker=worker) as trials:
-                found.append(_Machine(trials, tick).studies(plan, absent))
-    return Studies(
-        trebucheck_version=__version__,
-        python_version=platform.python_version(),
-        platform=f"{platform.system()} {platform.machine()}",
-        machines=tuple(found),
-    )
+    absent, plan = _plan(study.measured_engines, chosen)
+    count = Counter(len(study.mechanisms) * sum(len(knob.values) for _, knob in plan), study.progress)
+    machines: list[MachineStudies] = []
+    with study.worker() as worker:
+        for mechanism in study.mechanisms:
+            machines.append(_Machine(Trials(mechanism, worker, study.store), count).studies(plan, absent))
+    return Studies.made_here(machines=tuple(machines))
 
 
 _Plan = list[tuple[str, Knob]]
 
 
-def _plan(engines: Sequence[str] | None, chosen: Sequence[str] | None) -> tuple[list[str], _Plan]:
-    """Engines that are not here, and every knob to be turned of those that are."""
-    names = list(dict.fromkeys(engines if engines is not None else engine_names()))
-    if engines is not None and "reference" in names:
-        raise InputError("engines: 'reference' is what the others are measured against; it has no study here.")
-    names = [name for name in names if name != "reference"]
+def _plan(names: Sequence[str], chosen: Sequence[str] | None) -> tuple[list[str], _Plan]:
+    """Engines that are not installed, and every parameter to be swept of those that are."""
     every = [(name, knob) for name in names for knob in knobs(name, list(chosen) if chosen else None)]
     if not every:
         raise InputError(f"none of the engines {', '.join(names)} has any of the knobs {', '.join(chosen or ())}.")
@@ -113,8 +72,8 @@ def _plan(engines: Sequence[str] | None, chosen: Sequence[str] | None) -> tuple[
 class _Machine:
     """One machine and its trials."""
 
-    def __init__(self, trials: Trials, tick: Callable[[str], None]) -> None:
-        self.trials, self.tick = trials, tick
+    def __init__(self, trials: Trials, count: Counter) -> None:
+        self.trials, self.count = trials, count
         self.events = [time for time in trials.solution.release_times.values() if time is not None]
         self.known = reference_uncertainty(trials.solution, trials.end)
         self.uncertainty: dict[QuantityName, float] = {
@@ -123,8 +82,8 @@ class _Machine:
 
     def studies(self, plan: _Plan, absent: list[str]) -> MachineStudies:
         """All of the plan, and the limits that follow from it."""
-        turned = [self.turned(name, knob) for name, knob in plan]
-        limits = {one.study.label: made for one in turned if (made := _limit(one)) is not None}
+        refined = [self.refined(name, knob) for name, knob in plan]
+        limits = {one.study.label: made for one in refined if (made := _limit(one)) is not None}
         mechanism = self.trials.mechanism
         return MachineStudies(
             model=mechanism.name,
@@ -133,24 +92,24 @@ class _Machine:
             launch_time=self.trials.end,
             uncertainty=self.uncertainty,
             uncertainty_source=self.known.source,
-            studies=tuple(one.study for one in turned),
+            studies=tuple(one.study for one in refined),
             limits=tuple(_described(label, made) for label, made in limits.items()),
             pairs=tuple(_pairs(limits)),
             absent=tuple(absent),
         )
 
-    def turned(self, name: str, knob: Knob) -> _Turned:
+    def refined(self, name: str, knob: Knob) -> _Refinement:
         """Turn one knob through its values."""
         values = [self.fitted(knob, value) for value in knob.values]
         without = None if knob.without is None else self.trial(name, knob, knob.without, 1)
         trials: list[Trial | None] = []
         points: list[Point] = []
         for value in values:
-            self.tick(f"{self.trials.mechanism.name}: {name} {knob.preset} {knob.name}")
+            self.count.start(f"{self.trials.mechanism.name}: {name} {knob.preset} {knob.name}")
             trial, message = self.tried(name, knob, value)
             trials.append(trial)
             points.append(_point(value, knob, trial, message, without))
-        study = Study(
+        study = ParameterStudy(
             engine=name,
             engine_version=engine_class(name).version(),
             preset=knob.preset,
@@ -165,7 +124,7 @@ class _Machine:
             points=tuple(points),
             curves=tuple(self.curve(name, knob, points, without, quantity) for quantity in _QUANTITIES),
         )
-        return _Turned(study, knob, tuple(trials))
+        return _Refinement(study, knob, tuple(trials))
 
     def fitted(self, knob: Knob, value: float) -> float:
         """The value itself; a time step near it that fits the throw."""
@@ -287,14 +246,14 @@ def _largest(torques: FloatArray) -> float | None:
     return float(np.abs(torques).max()) if torques.size else None
 
 
-def _limit(turned: _Turned) -> Extrapolated | None:
+def _limit(refined: _Refinement) -> Extrapolated | None:
     """Of a study of the time step with the preset's other options."""
-    if not _turns_the_step(turned.knob) or turned.knob.base:
+    if not _turns_the_step(refined.knob) or refined.knob.base:
         return None
     return limit(
         [
             Level(point.value, _position(trial.deviation), _torques(trial.deviation))
-            for point, trial in zip(turned.study.points, turned.trials, strict=True)
+            for point, trial in zip(refined.study.points, refined.trials, strict=True)
             if trial is not None and trial.deviation is not None
         ]
     )

@@ -8,6 +8,7 @@ from pydantic import Field, JsonValue
 
 from ...models.mechanism import Mechanism
 from ...models.spec import Real, Spec
+from ..runs.results import ResultFile
 
 FORMAT = "trebucheck-explain-1"
 
@@ -115,13 +116,10 @@ class Machine(Spec):
     launch_time: Annotated[Real, Field(gt=0)] = Field(description="end of the compared motion [s]")
 
 
-class Explanation(Spec):
+class Explanation(ResultFile):
     """The whole of it."""
 
     format: Literal["trebucheck-explain-1"] = FORMAT
-    trebucheck_version: str
-    python_version: str
-    platform: str
     machines: tuple[Machine, ...]
     budgets: tuple[Budget, ...]
     comparisons: tuple[StockAgainstTuned, ...]

@@ -9,6 +9,7 @@ from pydantic import Field, JsonValue
 
 from ...models.mechanism import Mechanism
 from ...models.spec import Real, Spec
+from ..runs.results import ResultFile
 from .target import Asked
 
 FORMAT = "trebucheck-recommend-1"
@@ -79,13 +80,10 @@ class NeighbourMachine(Spec):
     mechanism_hash: str
 
 
-class Advice(Spec):
+class Advice(ResultFile):
     """What is recommended for one machine, and on what evidence."""
 
     format: Literal["trebucheck-recommend-1"] = FORMAT
-    trebucheck_version: str
-    python_version: str
-    platform: str
     model: str
     mechanism: Mechanism
     mechanism_hash: str

@@ -1,13 +1,11 @@
 """A trajectory minus the reference, as functions on one grid of times, so that they can be added and subtracted.
 
-Engines sample at times of their own. What is carried over to the common grid is the deviation, which is small and
-smooth (it has kinks of higher order at releases), so that carrying it over costs a small part of something small:
-positions by cubic splines, torques, which have kinks in their slope, linearly.
+Engines sample at times of their own. The deviation, not the motion, is interpolated to the common grid: it is small
+and smooth (with kinks of higher order at releases), so that only a small part of a small quantity is lost. Positions
+are interpolated by cubic splines; torques, which have kinks in their slope, linearly.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from pydantic import Field
@@ -54,17 +52,8 @@ class Deviation(Spec):
         return np.atleast_1d(np.array(np.nan if value is None else value, dtype=np.float64)).ravel()
 
 
-@dataclass(frozen=True)
-class Measured:
-    """A deviation with what it cost."""
-
-    deviation: Deviation
-    steps: int
-    wall_times: tuple[float, ...]
-
-
 def deviation(trajectory: Trajectory, solution: Solution, end: float, reference: Trajectory | None = None) -> Deviation:
-    """Set a trajectory beside the reference, at its own times, and carry the difference to the common grid.
+    """Set a trajectory beside the reference, at its own times, and interpolate the difference to the common grid.
 
     Args:
         end: end of the compared motion [s]; the trajectory should go on a little beyond it.
@@ -72,7 +61,7 @@ def deviation(trajectory: Trajectory, solution: Solution, end: float, reference:
     """
     reference = reference or solution.trajectory(trajectory.t)
     grid = np.linspace(0.0, end, GRID + 1)
-    apart = trajectory.marker(PROJECTILE).position - reference.marker(PROJECTILE).position
+    error = trajectory.marker(PROJECTILE).position - reference.marker(PROJECTILE).position
     closed = [stop.name for stop in trajectory.mechanism.stops if stop.closed]
     torques = {
         name: np.interp(grid, trajectory.t, trajectory.stop_torque(name) - reference.stop_torque(name))
@@ -85,7 +74,7 @@ def deviation(trajectory: Trajectory, solution: Solution, end: float, reference:
     return Deviation(
         end=end,
         force_units={name: trajectory.mechanism.stop(name).force_unit for name in torques},
-        position=tuple(tuple(row) for row in _carried(trajectory.t, apart, grid).T.tolist()),
+        position=tuple(tuple(row) for row in _interpolated(trajectory.t, error, grid).T.tolist()),
         torques={name: tuple(values.tolist()) for name, values in torques.items()},
         energy=tuple(np.interp(grid, trajectory.t, trajectory.total_energy - start).tolist()),
         release_times={
@@ -97,7 +86,7 @@ def deviation(trajectory: Trajectory, solution: Solution, end: float, reference:
     )
 
 
-def _carried(t: FloatArray, values: FloatArray, grid: FloatArray) -> FloatArray:
+def _interpolated(t: FloatArray, values: FloatArray, grid: FloatArray) -> FloatArray:
     if len(t) < 8:
         return np.stack([np.interp(grid, t, column) for column in values.T], axis=1)
     return np.asarray(make_interp_spline(t, values, k=3)(np.minimum(grid, t[-1])), dtype=np.float64)

@@ -75,19 +75,19 @@ def _rms(values: FloatArray) -> float:
 
 def _positions(c: Comparison) -> Iterator[Metric]:
     for name, motion in c.trajectory.markers.items():
-        apart = c.distance(motion.position, c.reference.marker(name).position)
-        yield Metric(name="position_max", subject=name, value=apart.max(), unit="m")
-        yield Metric(name="position_rms", subject=name, value=_rms(apart), unit="m")
-        apart = c.distance(motion.velocity, c.reference.marker(name).velocity)
-        yield Metric(name="velocity_max", subject=name, value=apart.max(), unit="m/s")
+        error = c.distance(motion.position, c.reference.marker(name).position)
+        yield Metric(name="position_max", subject=name, value=error.max(), unit="m")
+        yield Metric(name="position_rms", subject=name, value=_rms(error), unit="m")
+        error = c.distance(motion.velocity, c.reference.marker(name).velocity)
+        yield Metric(name="velocity_max", subject=name, value=error.max(), unit="m/s")
 
 
 def _coordinates(c: Comparison) -> Iterator[Metric]:
     n_bodies = len(c.trajectory.mechanism.bodies)
     for i, name in enumerate(c.trajectory.mechanism.coordinates):
-        apart = c.distance(c.trajectory.q[:, i], c.reference.q[:, i])
+        error = c.distance(c.trajectory.q[:, i], c.reference.q[:, i])
         kind, unit = ("angle_max", "rad") if i < n_bodies else ("slide_max", "m")
-        yield Metric(name=kind, subject=name, value=apart.max(), unit=unit)
+        yield Metric(name=kind, subject=name, value=error.max(), unit=unit)
 
 
 def _launch(c: Comparison) -> Iterator[Metric]:
@@ -111,7 +111,7 @@ def _releases(c: Comparison) -> Iterator[Metric]:
         if mine is None and theirs is None:
             continue
         if mine is None or theirs is None:
-            note = f"released at {_said(mine)} by the engine, at {_said(theirs)} by the reference"
+            note = f"released at {_format_time(mine)} by the engine, at {_format_time(theirs)} by the reference"
             yield Metric(name="release_time", subject=stop.name, value=None, unit="s", note=note)
         else:
             yield Metric(name="release_time", subject=stop.name, value=mine - theirs, unit="s")
@@ -121,7 +121,7 @@ def _up_to(end: float, time: float | None) -> float | None:
     return time if time is not None and time <= end else None
 
 
-def _said(time: float | None) -> str:
+def _format_time(time: float | None) -> str:
     return "no time before the end" if time is None else f"{time:.9g} s"
 
 
@@ -132,11 +132,11 @@ def _torques(c: Comparison) -> Iterator[Metric]:
         stop = c.trajectory.mechanism.stop(name)
         if not stop.closed:
             continue
-        apart = c.distance(torque, expected)
+        error = c.distance(torque, expected)
         impulse = trapezoid(torque[c.keep], c.t) - trapezoid(expected[c.keep], c.t)
-        yield Metric(name="stop_torque_max", subject=name, value=apart.max(), unit=stop.force_unit)
+        yield Metric(name="stop_torque_max", subject=name, value=error.max(), unit=stop.force_unit)
         if settled.any():
-            yield Metric(name="stop_torque_settled", subject=name, value=apart[settled].max(), unit=stop.force_unit)
+            yield Metric(name="stop_torque_settled", subject=name, value=error[settled].max(), unit=stop.force_unit)
         yield Metric(name="stop_impulse", subject=name, value=float(impulse), unit=f"{stop.force_unit} s")
 
 
@@ -153,10 +153,10 @@ def _away_from_releases(c: Comparison) -> BoolArray:
 
 def _reactions(c: Comparison) -> Iterator[Metric]:
     for name, force in c.trajectory.joint_reactions.items():
-        apart = c.distance(force, c.reference.joint_reaction(name))
+        error = c.distance(force, c.reference.joint_reaction(name))
         scale = np.linalg.norm(c.reference.joint_reaction(name)[c.keep], axis=1).max()
-        yield Metric(name="joint_reaction_max", subject=name, value=apart.max(), unit="N")
-        yield Metric(name="joint_reaction_relative", subject=name, value=apart.max() / scale, unit="1")
+        yield Metric(name="joint_reaction_max", subject=name, value=error.max(), unit="N")
+        yield Metric(name="joint_reaction_relative", subject=name, value=error.max() / scale, unit="1")
 
 
 def _energy(c: Comparison) -> Iterator[Metric]:

@@ -1,57 +1,70 @@
 """Engine against engine.
 
-Two engines seldom sample the same times. Their motions are not interpolated for that: what is carried over to the
-other's times is the deviation from the reference, which is small and smooth, so that carrying it over linearly
-costs a small part of something small. The reference itself drops out of the difference.
+Two engines seldom sample the same times. Their motions are not interpolated: the error against the reference, which
+is small and smooth, is interpolated linearly to the other engine's times, so that only a small part of a small
+quantity is lost. The reference itself cancels in the difference.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ...models.arrays import FloatArray
+from ...models.launch import Launch
 from ...models.trajectory import Trajectory
-from ...reference.solution import Solution
 from .results import Pair
 
 _MARKER = "projectile"
 
 
-def against_each_other(
-    solution: Solution, first: tuple[str, Trajectory], second: tuple[str, Trajectory], end: float
-) -> Pair:
-    """Two trajectories up to `end` [s], at the times of the one that has fewer."""
-    (label, one), (other_label, other) = first, second
-    launches = one.launch(), other.launch()
+@dataclass(frozen=True)
+class Compared:
+    """What one run contributes to its pairs."""
+
+    t: FloatArray
+    """[s], shape (n,)."""
+    error: FloatArray | None
+    """Position of the projectile minus the reference's [m], shape (n, 2); None without a projectile."""
+    release_times: dict[str, float | None]
+    launch: Launch | None
+
+    @classmethod
+    def of(cls, trajectory: Trajectory, reference: Trajectory) -> Compared:
+        """Of a trajectory and the reference at its times."""
+        thrown = _MARKER in trajectory.markers
+        error = trajectory.marker(_MARKER).position - reference.marker(_MARKER).position if thrown else None
+        launch = trajectory.launch() if thrown else None
+        return cls(trajectory.t, error, dict(trajectory.release_times), launch)
+
+
+def pair_of(model: str, labels: tuple[str, str], first: Compared, second: Compared, end: float) -> Pair:
+    """Two runs of one machine up to `end` [s], at the times of the one that has fewer."""
+    speeds = [run.launch.speed for run in (first, second) if run.launch]
     return Pair(
-        model=solution.problem.mechanism.name,
-        first=label,
-        second=other_label,
-        position_max=_apart(solution, one, other, end),
-        release_time_max=_releases_apart(one, other),
-        launch_speed=launches[0].speed - launches[1].speed if launches[0] and launches[1] else None,
+        model=model,
+        first=labels[0],
+        second=labels[1],
+        position_max=_position_difference(first, second, end),
+        release_time_max=_release_difference(first, second),
+        launch_speed=speeds[0] - speeds[1] if len(speeds) == 2 else None,
     )
 
 
-def _apart(solution: Solution, one: Trajectory, other: Trajectory, end: float) -> float | None:
-    if _MARKER not in one.markers or _MARKER not in other.markers:
+def _position_difference(first: Compared, second: Compared, end: float) -> float | None:
+    coarse, fine = sorted((first, second), key=lambda run: len(run.t))
+    if coarse.error is None or fine.error is None:
         return None
-    coarse, fine = sorted((one, other), key=lambda trajectory: len(trajectory.t))
     t = coarse.t[coarse.t <= min(end, fine.t[-1])]
-    mine = _deviation(solution, coarse)[: len(t)]
-    theirs = _deviation(solution, fine)
-    carried = np.stack([np.interp(t, fine.t, theirs[:, axis]) for axis in (0, 1)], axis=1)
-    return float(np.linalg.norm(mine - carried, axis=1).max())
+    interpolated = np.stack([np.interp(t, fine.t, fine.error[:, axis]) for axis in (0, 1)], axis=1)
+    return float(np.linalg.norm(coarse.error[: len(t)] - interpolated, axis=1).max())
 
 
-def _deviation(solution: Solution, trajectory: Trajectory) -> FloatArray:
-    return trajectory.marker(_MARKER).position - solution.trajectory(trajectory.t).marker(_MARKER).position
-
-
-def _releases_apart(one: Trajectory, other: Trajectory) -> float | None:
+def _release_difference(first: Compared, second: Compared) -> float | None:
     differences: list[float] = []
-    for name, mine in one.release_times.items():
-        theirs = other.release_times.get(name)
+    for name, mine in first.release_times.items():
+        theirs = second.release_times.get(name)
         if (mine is None) != (theirs is None):
             return None
         if mine is not None and theirs is not None:

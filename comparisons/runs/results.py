@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import platform
 from enum import StrEnum
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, JsonValue
 
@@ -11,6 +12,25 @@ from ...models.mechanism import Mechanism
 from ...models.spec import Real, Spec
 
 FORMAT = "trebucheck-results-1"
+
+
+class ResultFile(Spec):
+    """A command's results: its format, where they were made, and then what the command adds."""
+
+    format: Any
+    """A literal in each command's own."""
+    trebucheck_version: str
+    python_version: str
+    platform: str
+
+    @classmethod
+    def made_here(cls, **content: Any) -> Self:
+        """Of this content, by these versions on this machine."""
+        from ...version import __version__
+
+        here = f"{platform.system()} {platform.machine()}"
+        python = platform.python_version()
+        return cls(trebucheck_version=__version__, python_version=python, platform=here, **content)
 
 
 class Outcome(StrEnum):
@@ -172,13 +192,10 @@ class Machine(Spec):
     start_torques: dict[str, Real]
 
 
-class Results(Spec):
+class Results(ResultFile):
     """The whole of a comparison."""
 
     format: Literal["trebucheck-results-1"] = FORMAT
-    trebucheck_version: str
-    python_version: str
-    platform: str
     machines: tuple[Machine, ...]
     runs: tuple[Run, ...]
     pairs: tuple[Pair, ...]

@@ -17,7 +17,7 @@ from ...models.problem import Problem
 from ...models.trajectory import Trajectory
 
 _Given = TypeVar("_Given")
-_Found = TypeVar("_Found")
+_Result = TypeVar("_Result")
 _WARM_UP = 5e-3  # [s] simulated before the run that is timed: imports and first calls are not the engine's speed
 
 
@@ -31,7 +31,7 @@ def simulate_warm(runner: Engine, problem: Problem) -> Trajectory:
 
 
 @contextmanager
-def deaf_to_interrupts() -> Generator[None, None, None]:
+def block_sigint() -> Generator[None, None, None]:
     """Processes started meanwhile, and theirs, do not get a Ctrl-C of the terminal: whoever started them ends them.
 
     The signal is held back here, not lost; a child inherits that. (Systems without signal masks go without.)
@@ -55,22 +55,26 @@ class Worker:
 
     timeout: float = 600.0
     """Longest wait for one run [s]."""
+    isolate: bool = True
+    """False: simulate in this process, without a limit of time."""
     _pool: Any = field(default=None, init=False)
 
     def simulate(self, runner: Engine, problem: Problem) -> Trajectory:
-        """As :func:`simulate_warm`, elsewhere; raises as :meth:`call` does."""
+        """As :func:`simulate_warm`, in that process; raises as :meth:`call` does."""
         return self.call(simulate_warm, runner, problem)
 
-    def call(self, function: Callable[[Engine, _Given], _Found], runner: Engine, given: _Given) -> _Found:
-        """Call a module's function on an engine, elsewhere.
+    def call(self, function: Callable[[Engine, _Given], _Result], runner: Engine, given: _Given) -> _Result:
+        """Call a module's function on an engine in that process.
 
         Raises:
             SimulationError: the engine ended its process (a crash of its compiled code, or out of memory), or did
                 not come to an end.
         """
+        if not self.isolate:
+            return function(runner, given)
         if self._pool is None:
             self._pool = ProcessPoolExecutor(max_workers=1)
-        with deaf_to_interrupts():
+        with block_sigint():
             future = self._pool.submit(function, runner, given)
         try:
             return future.result(self.timeout)

@@ -15,6 +15,7 @@ from trebucheck.comparisons.recommend import Advice, Asked, recommend
 from trebucheck.comparisons.recommend.candidates import option_sets
 from trebucheck.comparisons.recommend.search import Place
 from trebucheck.comparisons.recommend.snippets import EXUDYN_PYTHON, MJCF, MUJOCO_PYTHON, PYMUNK_PYTHON, snippets
+from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Trials
 from trebucheck.models.mjcf.writer import mjcf, torque_sensor
 from trebucheck.models.schema import schema_text
@@ -33,18 +34,18 @@ SWING = 2.0  # of the machine's launch time: a throw that takes longer went back
 
 @cache
 def advice(model: str, engine_name: str) -> Advice:
-    return recommend(model, ASKED, [engine_name], neighbours=NEIGHBOURS, isolate=False)
+    return recommend(Study([model], [engine_name], isolate=False), ASKED, neighbours=NEIGHBOURS)
 
 
 @cache
 def fresh_machines(model: str) -> tuple[Trials, ...]:
     """Machines nobody has chosen, that launch in their first swing."""
     random, found = np.random.default_rng(2026), list[Trials]()
-    longest = SWING * Trials(BUILDERS[model](), isolate=False).end
+    longest = SWING * Trials(BUILDERS[model]()).end
     while len(found) < FRESH:
         own = tb.TrebuchetParameters(**{name: float(random.uniform(*ends)) for name, ends in RANGES.items()})
         try:
-            trials = Trials(BUILDERS[model](own), isolate=False)
+            trials = Trials(BUILDERS[model](own))
         except tb.InputError:
             continue  # it does not launch
         if trials.end < longest:
@@ -68,7 +69,7 @@ def test_what_is_recommended_was_measured_and_reaches_it() -> None:
     choice = found.engine("mujoco").choice
     assert choice is not None and choice.here.position is not None and choice.worst_neighbour is not None
     assert choice.here.position <= 0.1 and (choice.worst_neighbour.position or math.inf) <= 0.1
-    own = Trials(tb.fixed(), isolate=False)
+    own = Trials(tb.fixed())
     again = own.trial(tb.engine("mujoco", choice.preset, **choice.changes))
     assert again.position == choice.here.position
     assert len(found.neighbours) == NEIGHBOURS and len(choice.wall_times) == 3
@@ -77,7 +78,7 @@ def test_what_is_recommended_was_measured_and_reaches_it() -> None:
 
 def test_a_mechanism_of_ones_own_gets_advice() -> None:
     mechanism = tb.fixed().model_copy(update={"name": "own"})
-    found = recommend(mechanism, Asked(position=0.1), ["mujoco"], neighbours=3, isolate=False)
+    found = recommend(Study([mechanism], ["mujoco"], isolate=False), Asked(position=0.1), neighbours=3)
     assert found.engine("mujoco").choice is not None
     assert "geometry was not varied" in found.rule
     assert "--model own.json" in found.engine("mujoco").snippets["trebucheck on the command line"]
@@ -86,7 +87,7 @@ def test_a_mechanism_of_ones_own_gets_advice() -> None:
 @pytest.mark.slow
 def test_what_stands_in_the_way_of_pymunk_is_rounding() -> None:
     """Its impulses are divided by the step: 1e-6 N m of a torque of 8e4 is beyond it, however short the step."""
-    found = recommend("fixed", Asked(torque=1e-6), ["pymunk"], neighbours=0, isolate=False).engine("pymunk")
+    found = recommend(Study(["fixed"], ["pymunk"], isolate=False), Asked(torque=1e-6), neighbours=0).engine("pymunk")
     assert found.choice is None and found.obstacle == "rounding", found.message
 
 

@@ -40,7 +40,7 @@ def machines() -> dict[str, Trials]:
     """Trials by machine, remembered over all tests."""
     made: dict[str, Mechanism] = {"fixed": fixed(), "rolling": rolling()}
     made |= {"other fixed": fixed(OTHERS["fixed"]), "other rolling": rolling(OTHERS["rolling"])}
-    return {name: Trials(machine, isolate=False) for name, machine in made.items()}
+    return {name: Trials(machine) for name, machine in made.items()}
 
 
 def _budget(trials: Trials, name: str, preset: str) -> Budget:
@@ -118,7 +118,7 @@ def test_softness_written_out_is_the_softness_that_follows_the_step() -> None:
 def test_exudyns_multipliers_alternate_and_the_filter_finds_it() -> None:
     """Half of the tuned torque's error changes sign with every step; what the filter leaves is smooth."""
     pytest.importorskip("exudyn")
-    trials = Trials(rolling(), isolate=False)
+    trials = Trials(rolling())
     run = engine("exudyn", timestep=1e-3).simulate(Problem(rolling(), duration=0.5))
     exact = trials.solution.trajectory(run.t).stop_torque(HANGER_REST)
     raw = (run.stop_torque(HANGER_REST) - exact)[3:-3]

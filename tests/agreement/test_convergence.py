@@ -11,6 +11,7 @@ from trebucheck.comparisons.converge import study as studying
 from trebucheck.comparisons.converge.parameters import Knob, knobs
 from trebucheck.comparisons.converge.results import MachineStudies, Study
 from trebucheck.comparisons.converge.study import converge
+from trebucheck.comparisons.runs import study as runs
 
 pytestmark = pytest.mark.slow
 BUILD = {"fixed": tb.fixed, "rolling": tb.rolling}
@@ -34,7 +35,7 @@ LAWS = {
 
 @cache
 def _machine(name: str, asked: tuple[str, ...]) -> MachineStudies:
-    return converge([BUILD[name]()], list(ENGINES), list(asked), isolate=False).machines[0]
+    return converge(runs.Study([BUILD[name]()], list(ENGINES), isolate=False), list(asked)).machines[0]
 
 
 @pytest.fixture(autouse=True)

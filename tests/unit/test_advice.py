@@ -25,6 +25,7 @@ from trebucheck.comparisons.recommend.search import SCREENED_AT, Follower, Place
 from trebucheck.comparisons.recommend.snippets import MJCF, MUJOCO_PYTHON, PYTHON, snippets
 from trebucheck.comparisons.recommend.target import read_torque
 from trebucheck.comparisons.runs.deviation import Deviation
+from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Trial, Trials
 from trebucheck.models.schema import schema_text
 
@@ -311,7 +312,7 @@ def test_an_engine_that_is_not_here_is_a_row(monkeypatch: pytest.MonkeyPatch) ->
     from trebucheck.engines.exudyn.engine import ExudynEngine
 
     monkeypatch.setattr(ExudynEngine, "is_installed", classmethod(lambda _: False))
-    advice = recommend("fixed", Asked(position=1e-3), ["exudyn"], neighbours=0, isolate=False)
+    advice = recommend(Study(["fixed"], ["exudyn"], isolate=False), Asked(position=1e-3), neighbours=0)
     assert advice.engine("exudyn").choice is None
     assert advice.engine("exudyn").message == "exudyn is not installed here."
     assert "alone" in advice.rule

@@ -23,12 +23,14 @@ from trebucheck.comparisons.explain.measure import budget
 from trebucheck.comparisons.explain.page import explain_html
 from trebucheck.comparisons.explain.results import Budget, Explanation, Machine
 from trebucheck.comparisons.explain.shares import orders
-from trebucheck.comparisons.explain.study import Study
+from trebucheck.comparisons.explain.study import explain
 from trebucheck.comparisons.explain.terminal import print_explanation
 from trebucheck.comparisons.explain.text import main_quantities
 from trebucheck.comparisons.explain.variants import Reread, by_kinematics, with_filtered_torques
 from trebucheck.comparisons.runs.deviation import GRID, Deviation
+from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Trial, Trials
+from trebucheck.comparisons.runs.worker import Worker
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.protocol import BuiltinEngine, Engine
@@ -318,8 +320,8 @@ def test_an_engine_that_does_not_tell_its_options_is_completed() -> None:
     assert (made.preset, made.settings, made.timestep) == ("stock", {"timestep": 5e-3}, 5e-3)
     assert pickle.loads(pickle.dumps(made)) == made
     assert made.simulate(Problem(fixed(), duration=0.1)).t[1] == pytest.approx(5e-3)
-    with Trials(fixed(), isolate=True) as trials:
-        trial = trials.trial(made)
+    with Worker() as worker:
+        trial = Trials(fixed(), worker).trial(made)
     assert trial.position == 0.0 and trial.preset == "stock" and trial.settings == {"timestep": 5e-3}
 
 
@@ -480,4 +482,4 @@ def test_wrong_input_is_refused_before_anything_runs(
 def test_a_machine_that_cannot_throw_is_refused() -> None:
     still = fixed().model_copy(update={"gravity": 0.0})
     with pytest.raises(InputError, match="gravity"):
-        Study([still], engines=["reference"], isolate=False).explain()
+        explain(Study([still], engines=["pymunk"], isolate=False))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -21,8 +22,11 @@ from trebucheck.comparisons.converge.page import page
 from trebucheck.comparisons.converge.parameters import knob_names, knobs
 from trebucheck.comparisons.converge.results import Studies
 from trebucheck.comparisons.converge.richardson import ASYMPTOTIC, Level, largest, limit, observed_order, weights
-from trebucheck.comparisons.converge.steps import duration, fitting
+from trebucheck.comparisons.converge.steps import fitting
 from trebucheck.comparisons.converge.study import converge
+from trebucheck.comparisons.runs.runner import run_duration
+from trebucheck.comparisons.runs.store import Store
+from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Trials
 from trebucheck.models.schema import schema_text
 
@@ -269,7 +273,7 @@ def test_fitting_steps_are_hardly_shortened(asked: float) -> None:
     assert step == pytest.approx(asked, rel=0.03)
 
     def shortening(h: float) -> float:
-        left = np.array([duration(end, h) - start for start in (0.0, *events)]) / h
+        left = np.array([run_duration(end, h) - start for start in (0.0, *events)]) / h
         return float(np.max((np.ceil(left - 1e-9) - left) / left))
 
     assert shortening(step) < 0.2 * max(shortening(asked * f) for f in (0.981, 0.993, 1.0, 1.007, 1.019))
@@ -285,9 +289,9 @@ def test_durations_are_those_of_trials(step: float, monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(plugins.Echo, "simulate", simulate)
     monkeypatch.setattr("trebucheck.comparisons.runs.trials.engine_class", lambda _: plugins.Echo)
-    with Trials(tb.fixed(), isolate=False) as trials:
-        trials.trial(plugins.Echo(timestep=step))
-        assert asked[-1] == duration(trials.end, step)
+    trials = Trials(tb.fixed())
+    trials.trial(plugins.Echo(timestep=step))
+    assert asked[-1] == run_duration(trials.end, step)
 
 
 # the whole, on engines of a third party
@@ -295,7 +299,7 @@ def test_durations_are_those_of_trials(step: float, monkeypatch: pytest.MonkeyPa
 
 @pytest.fixture
 def studies(third_party: None) -> Studies:
-    return converge([tb.fixed()], ["echo", "raiser"], isolate=False)
+    return converge(Study([tb.fixed()], ["echo", "raiser"], isolate=False))
 
 
 def test_plugins_are_studied_and_failures_are_points(studies: Studies) -> None:
@@ -358,9 +362,10 @@ def test_an_interrupted_study_goes_on(third_party: None, tmp_path: Path) -> None
         if done == 3:
             raise KeyboardInterrupt
 
+    store = Store(tmp_path, records=tmp_path)
     with pytest.raises(KeyboardInterrupt):
-        converge([tb.fixed()], ["echo"], folder=tmp_path, isolate=False, progress=stop)
+        converge(Study([tb.fixed()], ["echo"], store=store, isolate=False, progress=stop))
     kept = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
     assert kept
-    converge([tb.fixed()], ["echo"], folder=tmp_path, isolate=False, resume=True)
+    converge(Study([tb.fixed()], ["echo"], store=replace(store, resume=True), isolate=False))
     assert all(path.stat().st_mtime_ns == time for path, time in kept.items())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import pytest
 import trebucheck as tb
 from pydantic import JsonValue
 from trebucheck.comparisons.runs.deviation import deviation
+from trebucheck.comparisons.runs.store import Store
 from trebucheck.comparisons.runs.trials import Trial, Trials
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import SimulationError
@@ -43,10 +43,9 @@ class Claims(plugins.Echo):
 
 
 @pytest.fixture
-def trials(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Trials]:
+def trials(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Trials:
     monkeypatch.setattr("trebucheck.comparisons.runs.trials.engine_class", lambda _: plugins.Echo)
-    with Trials(tb.fixed(), isolate=False, folder=tmp_path, resume=True) as found:
-        yield found
+    return Trials(tb.fixed(), store=Store(tmp_path, resume=True, records=tmp_path))
 
 
 def test_further_repeats_are_added_to_what_is_known(trials: Trials) -> None:
@@ -57,7 +56,7 @@ def test_further_repeats_are_added_to_what_is_known(trials: Trials) -> None:
     assert len(thrice.wall_times) == len(engine.runs) == 3
     assert thrice.deviation == once.deviation
     assert trials.trial(engine, repeats=2) is thrice and len(engine.runs) == 3
-    again = Trials(trials.mechanism, isolate=False, folder=trials._folder, resume=True)
+    again = Trials(trials.mechanism, store=trials._store)
     assert again.trial(engine, repeats=3) == thrice and len(engine.runs) == 3, "kept on disk, too"
 
 
@@ -99,7 +98,7 @@ def test_the_reference_is_evaluated_once_a_grid(trials: Trials, monkeypatch: pyt
 
 
 def test_a_known_reference_changes_nothing() -> None:
-    solution = Trials(tb.fixed(), isolate=False).solution
+    solution = Trials(tb.fixed()).solution
     assert solution.launch is not None
     end = solution.launch.time
     run = solution.trajectory(np.linspace(0.0, end + 0.02, 200))

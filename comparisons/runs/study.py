@@ -1,0 +1,136 @@
+"""What every command that runs engines takes: one study, checked once, before anything runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from ...engines.protocol import Engine
+from ...engines.registry import engine, engine_class, engine_names
+from ...models.errors import InputError
+from ...models.machines.registry import model
+from ...models.mechanism import Mechanism
+from ...models.problem import StopLaw
+from ...models.spec import Spec
+from .store import Store
+from .worker import Worker
+
+PRESETS = ("tuned", "stock")
+REFERENCE = "reference"
+
+Progress = Callable[[str, int, int], None]
+"""Called before each part with what it is, the number of parts done and of all parts."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """Mechanisms, engines and presets, and how they are run.
+
+    Raises:
+        InputError: a name or a value is not valid, or a list is empty.
+    """
+
+    models: Iterable[str | Mechanism] = ("fixed", "rolling")
+    """Names of machines, or mechanisms; of several with one name the last is taken."""
+    engines: Iterable[str] | None = None
+    """Names; None: every known engine. Those not installed become rows that say so."""
+    presets: Iterable[str] = PRESETS
+    parameters: Spec | None = None
+    """Of the named machines; None: their defaults."""
+    options: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """Of every engine, over its preset's; `timestep` [s] among them."""
+    stop_law: StopLaw | str = StopLaw.RELEASE_ONCE
+    duration: float | None = None
+    """End of the compared motion [s]; None: the reference's launch."""
+    store: Store | None = None
+    """Where finished runs are kept; None: nowhere."""
+    isolate: bool = True
+    """Simulate in a process of its own, so that an engine's crash costs only its row."""
+    timeout: float = 600.0
+    """Longest wait for one isolated run [s]."""
+    progress: Progress | None = None
+
+    def __post_init__(self) -> None:
+        if not self.timeout > 0:
+            raise InputError(f"timeout = {self.timeout!r} s must be positive.")
+        for name, what in (("models", "model"), ("engines", "engine"), ("presets", "preset")):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _unique(getattr(self, name), what))
+        for name in self.engines or ():
+            engine_class(name)
+
+    @cached_property
+    def law(self) -> StopLaw:
+        """The law of the stops."""
+        try:
+            return StopLaw(self.stop_law)
+        except ValueError:
+            valid = ", ".join(law.value for law in StopLaw)
+            raise InputError(f"stop_law = {self.stop_law!r} is unknown; there are: {valid}.") from None
+
+    @cached_property
+    def mechanisms(self) -> tuple[Mechanism, ...]:
+        """Each name once."""
+        found = [model(m, self.parameters) if isinstance(m, str) else m for m in self.models]
+        return tuple({mechanism.name: mechanism for mechanism in found}.values())
+
+    @property
+    def every_engine(self) -> tuple[str, ...]:
+        """Names of all engines of the study."""
+        return engine_names() if self.engines is None else tuple(self.engines)
+
+    @property
+    def measured_engines(self) -> tuple[str, ...]:
+        """Names of the engines whose error is measured: all of the study but the reference, which cannot be named.
+
+        Raises:
+            InputError: the reference was named.
+        """
+        if self.engines is None:
+            return tuple(name for name in engine_names() if name != REFERENCE)
+        if REFERENCE in self.engines:
+            raise InputError(f"engine {REFERENCE!r} is what the others are measured against; name another one.")
+        return tuple(self.engines)
+
+    def engine(self, name: str, preset: str) -> Engine:
+        """An engine with the study's options.
+
+        Raises:
+            InputError: the preset or an option is not valid.
+        """
+        return engine(name, preset, **self.options)
+
+    def worker(self) -> Worker:
+        """The process in which engines run; this one, unless they are isolated."""
+        return Worker(self.timeout, self.isolate)
+
+
+def _unique(names: Iterable[Any], what: str) -> tuple[Any, ...]:
+    found = list[Any]()
+    for name in names:
+        if name not in found:
+            found.append(name)
+    if not found:
+        raise InputError(f"no {what} was named; at least one is needed.")
+    return tuple(found)
+
+
+@dataclass
+class Counter:
+    """Counts the parts of a study, for its progress."""
+
+    of: int
+    progress: Progress | None
+    done: int = 0
+
+    def show(self, what: str) -> None:
+        """Report what is under way."""
+        if self.progress:
+            self.progress(what, self.done, self.of)
+
+    def start(self, what: str) -> None:
+        """Report a part that starts now, and count it."""
+        self.show(what)
+        self.done += 1
