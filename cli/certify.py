@@ -13,7 +13,6 @@ from . import options, output
 if TYPE_CHECKING:
     from ..comparisons.runs.study import Progress
     from ..models.mechanism import Mechanism
-    from ..reference.certification.certificate import Certificate
 
 
 def certify_command(
