@@ -1,13 +1,13 @@
 """A mechanism as an Exudyn system: redundant coordinates, joints and stops as algebraic constraints.
 
 Every body is a 2D node at its centre of mass, with a rotation that is positive *anticlockwise*: the mechanism's
-angles have the opposite sign. What is to be reported is asked of Exudyn by sensors.
+angles have the opposite sign. Recorded quantities are the outputs of Exudyn's sensors.
 """
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -16,33 +16,15 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import UnsupportedProblemError
-from ...models.kinematics import Kinematics
+from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import GROUND, Joint, Marker, Mechanism, PointStop, SlotJoint, Stop
 from ...models.problem import StopLaw
 from ...models.spec import Vector
+from ..contact_events import Contacts, refuse_moving_gaps
+from .constraints import AngleLimit, PointContact, SensorKey, Spring, UnilateralConstraint
 
 exu: Any = importlib.import_module("exudyn")
 items: Any = importlib.import_module("exudyn.itemInterface")
-
-_STILL = 1e-12  # [rad/s], [m/s], or of the speeds it is a sum of: a gap speed below this is their rounding
-
-SensorKey = tuple[str, str, str]
-"""Kind of item (body, marker, joint, stop), its name, the quantity as Exudyn calls it."""
-
-Values = Callable[[SensorKey], FloatArray]
-"""Values of a sensor, shape (n, components): over a table, or one row of the present."""
-
-
-@dataclass(frozen=True)
-class Spring:
-    """A stop as a spring and damper between the rotations, or between a point and its wall."""
-
-    stiffness: float
-    """[N m/rad, N/m]"""
-    damping: float = 0.0
-    """[N m s/rad, N s/m]"""
-    torque: float = 0.0
-    """With the gap closed and at rest [N m, N]."""
 
 
 @dataclass(frozen=True)
@@ -57,62 +39,36 @@ class System:
     bodies: dict[str, int] = field(default_factory=dict[str, int])
     stops: dict[str, int] = field(default_factory=dict[str, int])
     """Items of the stops: of all under the unilateral law, else of those that touch at the start: no other acts."""
+    constraints: dict[str, UnilateralConstraint] = field(default_factory=dict[str, UnilateralConstraint])
+    """Of the same stops."""
     springs: Mapping[str, Spring] = field(default_factory=dict[str, Spring])
     """Of the stops, where they are springs; empty where they are constraints."""
     sensors: dict[SensorKey, int] = field(default_factory=dict[SensorKey, int])
 
-    def sense(self, stop: str) -> int:
-        """What a connector's displacement must be multiplied by to grow as the gap closes: 1 or -1."""
-        found = self.mechanism.stop(stop)
-        return 1 if isinstance(found, PointStop) else found.sense
-
     def torque(self, stop: str) -> float:
         """Torque (or force) of a stop at the current state [N m, N]."""
-        return float(self.torques(stop, self.now)[0])
-
-    def torques(self, stop: str, values: Values) -> FloatArray:
-        """Torque (or force) of a stop that acts [N m, N], shape (n,)."""
-        found = self.mechanism.stop(stop)
-        if isinstance(found, Stop):
-            return found.sense * values(("stop", stop, "Force"))[:, 0]
-        force = values(("stop", stop, "ForceLocal"))
-        if self.springs:
-            return force[:, 0]
-        return turned(force, self._rotations(found.body, values)) @ np.array(found.normal)
+        return float(self.constraints[stop].torque(self.now)[0])
 
     def now(self, sensor: SensorKey) -> FloatArray:
         """Values of a sensor at the current state, shape (1, components)."""
         return np.atleast_2d(np.asarray(self.main.GetSensorValues(self.sensors[sensor]), dtype=np.float64))
 
-    def set_closed(self, closed: tuple[str, ...]) -> None:
+    def set_active(self, active: Contacts) -> None:
         """Make exactly these stops act."""
         for name, number in self.stops.items():
-            self.main.SetObjectParameter(number, "activeConnector", name in closed)
+            self.main.SetObjectParameter(number, "activeConnector", name in active)
 
     def gap(self, stop: str) -> float:
         """Gap of a stop that touches at the start, by its connector's own measure [rad, m]."""
-        found = self.mechanism.stop(stop)
-        if isinstance(found, PointStop) and not self.springs:
-            # From the point to the wall, in the body's frame.
-            apart = np.atleast_2d(self._connector(stop, "DisplacementLocal"))
-            return -float(turned(apart, self._rotations(found.body, self.now))[0] @ np.array(found.normal))
-        # A constraint's own equation includes its offset; a spring's is its preload, and no gap.
-        angular = "Displacement" if self.springs else "ConstraintEquation"
-        variable = "DisplacementLocal" if isinstance(found, PointStop) else angular
-        return -self.sense(stop) * float(self._connector(stop, variable))
+        return self.constraints[stop].connector_gap(lambda variable: self._output(stop, variable), self.now)
 
-    def _connector(self, stop: str, variable: str) -> FloatArray:
+    def _output(self, stop: str, variable: str) -> FloatArray:
         return np.asarray(self.main.GetObjectOutput(self.stops[stop], getattr(exu.OutputVariableType, variable)))
-
-    def _rotations(self, body: str, values: Values) -> FloatArray:
-        return values(("body", body, "CoordinatesTotal"))[:, 2]
 
     def preload(self, stop: str, torque: float) -> None:
         """Give a stop's spring this torque (or force) with the gap closed and at rest [N m, N]."""
-        self.main.SetObjectParameter(self.stops[stop], "offset", self._offset(stop, torque))
-
-    def _offset(self, stop: str, torque: float) -> float:
-        return -self.sense(stop) * torque / self.springs[stop].stiffness
+        offset = _offset(self.springs[stop], self.constraints[stop].sense, torque)
+        self.main.SetObjectParameter(self.stops[stop], "offset", offset)
 
     def local(self, body: str, point: Vector) -> list[float]:
         """A point of a body from its centre of mass, where Exudyn's node stands [m]."""
@@ -121,25 +77,9 @@ class System:
         centre = self.mechanism.body(body).centre
         return [point[0] - centre[0], point[1] - centre[1], 0.0]
 
-    def spring(self, stop: str, markers: list[int]) -> Any:
-        """The item of a stop's spring: its torque grows as the gap closes."""
-        spring, found = self.springs[stop], self.mechanism.stop(stop)
-        fields: dict[str, Any] = {
-            "markerNumbers": markers,
-            "stiffness": spring.stiffness,
-            "damping": spring.damping,
-            "offset": self._offset(stop, spring.torque),
-        }
-        if isinstance(found, PointStop):
-            into = [-found.normal[0], -found.normal[1], 0.0]
-            return items.ObjectConnectorLinearSpringDamper(axisMarker0=into, **fields)
-        return items.ObjectConnectorCoordinateSpringDamper(**fields)
 
-
-def turned(local: FloatArray, rotation: FloatArray) -> FloatArray:
-    """Vectors of a body's frame in the world's, shape (n, 2); rotations [rad] anticlockwise, shape (n,)."""
-    world = (local[:, 0] + 1j * local[:, 1]) * np.exp(1j * rotation)
-    return np.stack([world.real, world.imag], axis=-1)
+def _offset(spring: Spring, sense: int, torque: float) -> float:
+    return -sense * torque / spring.stiffness
 
 
 @contextmanager
@@ -164,7 +104,7 @@ def build(
         law: of the stops; under the unilateral one those that are open at the start are built, too.
 
     Raises:
-        UnsupportedProblemError: a touching stop is being left or hit at the start, or a slot carries the ground.
+        UnsupportedProblemError: a closed stop's gap changes at the start, or a slot or a stop is on the ground itself.
     """
     _refuse_what_cannot_be_built(mechanism)
     container = exu.SystemContainer()
@@ -173,25 +113,13 @@ def build(
 
 
 def _refuse_what_cannot_be_built(mechanism: Mechanism) -> None:
-    kinematics, q, u = Kinematics(mechanism), np.array(mechanism.start), start_speeds(mechanism)
-    for stop in mechanism.stops:
-        # Index 2 would hold the gap's speed at zero from the first step: an impact nobody asked for.
-        terms = kinematics.gap_jacobian(stop.name, q) * u
-        if stop.closed and abs(terms.sum()) > _STILL * max(1.0, float(np.abs(terms).sum())):
-            raise UnsupportedProblemError(
-                f"exudyn cannot start with stop {stop.name!r} closed while its gap changes at {terms.sum():.3g} "
-                f"{stop.speed_unit}."
-            )
-        if isinstance(stop, PointStop) and stop.body == GROUND:
+    refuse_moving_gaps(mechanism, "exudyn")  # index 2 would hold the gap's speed at zero from the first step: an impact
+    for stop in mechanism.point_stops:
+        if stop.body == GROUND:
             raise UnsupportedProblemError(f"exudyn cannot build {stop.name!r}: a stop on a point of the ground.")
     for joint in mechanism.joints:
         if isinstance(joint, SlotJoint) and joint.child == GROUND:
             raise UnsupportedProblemError(f"exudyn cannot build {joint.name!r}: a slot in the ground holds the ground.")
-
-
-def start_speeds(mechanism: Mechanism) -> FloatArray:
-    """Speeds at t = 0 [rad/s or m/s], shape (n_q,)."""
-    return np.array(mechanism.start_speeds or [0.0] * len(mechanism.coordinates))
 
 
 @dataclass(frozen=True)
@@ -221,7 +149,7 @@ class _Builder:
 
     def _add_bodies(self) -> None:
         mechanism, main = self.system.mechanism, self.system.main
-        kinematics, q, u = Kinematics(mechanism), np.array(mechanism.start), start_speeds(mechanism)
+        kinematics, (q, u) = Kinematics(mechanism), initial_state(mechanism)
         for i, body in enumerate(mechanism.bodies):
             row = kinematics.point(body.name, body.centre)
             at, speed = kinematics.position(row, q), kinematics.velocity(row, q, u)
@@ -276,31 +204,35 @@ class _Builder:
         self._observe_point("joint", joint.name, Marker(name=joint.name, body=joint.child, point=joint.child_point))
 
     def _add_stop(self, stop: Stop | PointStop) -> None:
-        item = self._wall(stop) if isinstance(stop, PointStop) else self._limit(stop)
+        spring = self.system.springs.get(stop.name)
+        if isinstance(stop, PointStop):
+            constraint, item = PointContact(stop, spring), self._point_contact(stop, spring)
+        else:
+            constraint, item = AngleLimit(stop, spring), self._angle_limit(stop, spring)
         number = int(self.system.main.AddObject(item))
-        self.system.stops[stop.name] = number
-        force = "ForceLocal" if isinstance(stop, PointStop) else "Force"
-        self._observe(items.SensorObject, ("stop", stop.name, force), objectNumber=number)
+        self.system.stops[stop.name], self.system.constraints[stop.name] = number, constraint
+        self._observe(items.SensorObject, ("stop", stop.name, constraint.force_sensor), objectNumber=number)
         if isinstance(stop, PointStop):
             at = Marker(name=stop.name, body=stop.body, point=stop.point)
             self._observe_point("stop", stop.name, at, ("Position", "Velocity", "Acceleration"))
 
-    def _limit(self, stop: Stop) -> Any:
+    def _angle_limit(self, stop: Stop, spring: Spring | None) -> Any:
         # Coordinates count from the reference, and a closed stop's gap is zero there: it needs no offset.
         markers = [self._rotation(stop.relative_to), self._rotation(stop.body)]
-        if self.system.springs:
-            return self.system.spring(stop.name, markers)
+        if spring:
+            return items.ObjectConnectorCoordinateSpringDamper(**_spring_fields(spring, stop.sense, markers))
         mechanism = self.system.mechanism
         open_by = 0.0 if stop.closed else float(Kinematics(mechanism).gap(stop.name, np.array(mechanism.start)))
         return items.ObjectConnectorCoordinate(markerNumbers=markers, offset=stop.sense * open_by)
 
-    def _wall(self, stop: PointStop) -> Any:
+    def _point_contact(self, stop: PointStop, spring: Spring | None) -> Any:
         x, y = stop.normal
         point = self._frame(stop.body, stop.point)
-        wall = self._frame(GROUND, (x * stop.offset, y * stop.offset))
-        if self.system.springs:
-            return self.system.spring(stop.name, [wall, point])
-        return self._line([point, wall], (x, y))
+        line = self._frame(GROUND, (x * stop.offset, y * stop.offset))
+        if spring:
+            fields = _spring_fields(spring, 1, [line, point])
+            return items.ObjectConnectorLinearSpringDamper(axisMarker0=[-x, -y, 0.0], **fields)
+        return self._line([point, line], (x, y))
 
     def _line(self, markers: list[int], normal: Vector) -> Any:
         """A point (marker 0) on a line of the ground (marker 1), by its normal.
@@ -317,3 +249,13 @@ class _Builder:
         coordinate = 0 if body == GROUND else 2
         marker = items.MarkerNodeCoordinate(nodeNumber=self.system.nodes[body], coordinate=coordinate)
         return int(self.system.main.AddMarker(marker))
+
+
+def _spring_fields(spring: Spring, sense: int, markers: list[int]) -> dict[str, Any]:
+    """Of the item of a spring whose torque grows as the gap closes."""
+    return {
+        "markerNumbers": markers,
+        "stiffness": spring.stiffness,
+        "damping": spring.damping,
+        "offset": _offset(spring, sense, spring.torque),
+    }

@@ -52,6 +52,6 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         return inspect(mechanism, states, self)
 
     def _run(self, problem: Problem) -> Recording:
-        from .run import run  # loads Exudyn
+        from .step import run  # loads Exudyn
 
         return run(problem, self)

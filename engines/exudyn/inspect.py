@@ -16,7 +16,8 @@ from ...models.errors import InputError, SimulationError
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism, SlotJoint
 from ..inspection import Dynamics, Inspection, State
-from .build import Spring, System, build, exu, silence
+from .build import System, build, exu, silence
+from .constraints import Spring
 from .matrices import Matrices, Solved, matrices
 from .options import ExudynOptions
 from .read import Reader
@@ -97,7 +98,7 @@ class _Inspector:
         """Give Exudyn the solution, so that its outputs tell it."""
         data, current = self.system.main.systemData, exu.ConfigurationType.Current
         data.SetODE2Coordinates_tt(solved.accelerations, current)
-        self.system.set_closed(closed)
+        self.system.set_active(closed)
         here.hold(closed, solved.stops)
 
     @property

@@ -5,7 +5,7 @@ In Exudyn's redundant coordinates z (x, y, rotation by body), with f the forces 
     M z'' + G^T lam = f,        G z'' = -gamma,        gamma = dG/dt z'
 
 M, f and G are what Exudyn assembles. It has no gamma of its own but from one-sided difference quotients; here it
-comes from eight of its Jacobians along the motion, to rounding.
+is computed from eight of its Jacobians along the motion, to rounding.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
+from ..contact_events import Contacts
 from .build import System, exu
 
 # Central difference of order 8: weights of f(k h) - f(-k h), k = 1..4, over h. A Jacobian is a sum of sines and
@@ -26,20 +27,17 @@ from .build import System, exu
 _WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
 _TURN = 0.03
 
-Closed = tuple[str, ...]
-"""Names of the stops that act."""
-
 
 @dataclass(frozen=True)
 class Solved:
-    """Accelerations and multipliers under the joints and some closed stops."""
+    """Accelerations and multipliers under the joints and some active stops."""
 
     accelerations: FloatArray
     """z'' [m/s^2, rad/s^2], shape (3 n_bodies,)."""
     joints: FloatArray
     """Multipliers of the joints' constraints [N]."""
     stops: FloatArray
-    """Multipliers of the closed stops [N m, N], in the order they were given; Exudyn's sign."""
+    """Multipliers of the active stops [N m, N], in the order they were given; Exudyn's sign."""
 
 
 @contextmanager
@@ -84,14 +82,14 @@ class Matrices:
         self.solver.ComputeODE2RHS(self.system.main)
         return np.array(self.solver.GetSystemResidual())[: self.solver.GetODE2size()]
 
-    def jacobian(self, closed: Closed) -> FloatArray:
-        """G, joints first, then the closed stops, shape (n_joints + n_closed, 3 n_bodies)."""
-        self.system.set_closed(())
-        return np.concatenate([self._active_rows(), *(self.stop_row(name)[None] for name in closed)])
+    def jacobian(self, active: Contacts) -> FloatArray:
+        """G, joints first, then the active stops, shape (n_joints + n_active, 3 n_bodies)."""
+        self.system.set_active(())
+        return np.concatenate([self._acting_rows(), *(self.stop_row(name)[None] for name in active)])
 
     def stop_row(self, name: str) -> FloatArray:
         """Row of a stop in G, shape (3 n_bodies,); a spring's is the force of a unit multiplier on it, but for sign."""
-        self.system.set_closed((name,))
+        self.system.set_active((name,))
         if not self.system.springs:
             return self._constraints()[0][self._stop_rows(name)[0]]
         self.system.preload(name, 0.0)
@@ -99,45 +97,45 @@ class Matrices:
         # As large as the other forces, so that their rounding does not matter.
         size = float(np.abs(unloaded).max()) or 1.0
         self.system.preload(name, size)
-        return -self.system.sense(name) * (self.forces() - unloaded) / size
+        return -self.system.constraints[name].sense * (self.forces() - unloaded) / size
 
-    def solve(self, coordinates: FloatArray, rates: FloatArray, closed: Closed) -> Solved:
+    def solve(self, coordinates: FloatArray, rates: FloatArray, active: Contacts) -> Solved:
         """Accelerations and multipliers at a state.
 
         Raises:
             SimulationError: the constraints are redundant there.
         """
-        gamma = self._gamma(coordinates, rates, closed)
+        gamma = self._gamma(coordinates, rates, active)
         self.set(coordinates, rates)
-        jacobian = self.jacobian(closed)
-        self.system.set_closed(())
+        jacobian = self.jacobian(active)
+        self.system.set_active(())
         accelerations, multipliers = solve_constrained(self.mass(), jacobian, self.forces(), -gamma)
-        n_joints = len(multipliers) - len(closed)
+        n_joints = len(multipliers) - len(active)
         return Solved(accelerations, multipliers[:n_joints], multipliers[n_joints:])
 
-    def hold(self, closed: Closed, stops: FloatArray) -> None:
-        """Make Exudyn's outputs those of closed stops with these multipliers."""
+    def hold(self, active: Contacts, stops: FloatArray) -> None:
+        """Make Exudyn's outputs those of active stops with these multipliers."""
         if self.system.springs:
-            for name, multiplier in zip(closed, stops.tolist(), strict=True):
-                self.system.preload(name, self.system.sense(name) * multiplier)
+            for name, multiplier in zip(active, stops.tolist(), strict=True):
+                self.system.preload(name, self.system.constraints[name].sense * multiplier)
             return
         multipliers = np.zeros(self.solver.GetAEsize())
-        multipliers[[self._stop_rows(name)[0] for name in closed]] = stops
+        multipliers[[self._stop_rows(name)[0] for name in active]] = stops
         self.system.main.systemData.SetAECoordinates(multipliers, exu.ConfigurationType.Current)
 
-    def _gamma(self, coordinates: FloatArray, rates: FloatArray, closed: Closed) -> FloatArray:
-        """dG/dt z' at the state, shape (n_joints + n_closed,)."""
+    def _gamma(self, coordinates: FloatArray, rates: FloatArray, active: Contacts) -> FloatArray:
+        """dG/dt z' at the state, shape (n_joints + n_active,)."""
         fastest = float(np.abs(rates[2::3]).max())
         step = _TURN / fastest if fastest > 0 else 1.0  # without turning G is linear in the motion at most
 
         def along(steps: int) -> FloatArray:
             self.set(coordinates + steps * step * rates, rates)
-            return self.jacobian(closed) @ rates
+            return self.jacobian(active) @ rates
 
         pairs = (weight * (along(k) - along(-k)) for k, weight in enumerate(_WEIGHTS, start=1))
         return np.sum(list(pairs), axis=0) / step
 
-    def _active_rows(self) -> FloatArray:
+    def _acting_rows(self) -> FloatArray:
         """G of what acts, as Exudyn orders it: an equation that does not act reads lam = 0, a one on its diagonal."""
         rows, diagonal = self._constraints()
         return rows[diagonal == 0]

@@ -10,15 +10,16 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.mechanism import SlotJoint
 from ...models.trajectory import PointMotion
+from ..contact_events import ContactEvents
 from ..protocol import Recording
-from .build import SensorKey, System, turned
+from .build import System
+from .constraints import SensorKey, turned
 
 
 def recording(
     reader: Reader,
     torques: Mapping[str, FloatArray],
-    releases: Mapping[str, float | None],
-    impacts: tuple[tuple[float, Mapping[str, float]], ...],
+    events: ContactEvents,
     steps: int,
 ) -> Recording:
     """Read a run out.
@@ -26,8 +27,7 @@ def recording(
     Args:
         reader: of all sensors at all times.
         torques: of all stops [N m, N], each of shape (n,).
-        releases: when each stop first opened [s].
-        impacts: time [s] and impulses of the stops [N m s, N s] of each.
+        events: of the run.
         steps: how many steps the solver took.
     """
     mechanism = reader.system.mechanism
@@ -39,10 +39,10 @@ def recording(
         kinetic_energy=np.sum([reader.scalar("body", body.name, "KineticEnergy") for body in mechanism.bodies], axis=0),
         potential_energy=reader.potential_energy(),
         stop_torques=torques,
-        release_times=releases,
+        release_times=events.releases,
         joint_reactions={joint.name: reader.reaction(joint.name) for joint in mechanism.joints},
         joint_gaps={joint.name: reader.gap(joint.name) for joint in mechanism.joints},
-        impacts=impacts,
+        impacts=tuple(events.impacts),
         steps=steps,
     )
 
@@ -93,7 +93,7 @@ class Reader:
         """Torque (or force) of a stop [N m, N], shape (n,); from its release on, 0."""
         if stop not in self.system.stops:
             return np.zeros(len(self.table))
-        torque = self.system.torques(stop, self.values)
+        torque = self.system.constraints[stop].torque(self.values)
         return torque if release is None else np.where(self.table[:, 0] < release, torque, 0.0)
 
     def reaction(self, name: str) -> FloatArray:

@@ -15,17 +15,16 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
-from .build import SensorKey, System, exu
+from ..contact_events import Contacts
+from .build import System, exu
+from .constraints import SensorKey, Values
 from .options import ExudynOptions
 
 _EVERY_STEP = 1e-12  # [s] sensors are written every 0.01 s unless told; this is below any step
 _SAME_TIME = 1e-9  # of the run's last time
 _DIFFERENCE = 3e-5  # relative step of Exudyn's difference quotients: 1e-6 to 1e-4 do as well
 
-Closed = tuple[str, ...]
-"""Names of the stops that act."""
-
-Watch = Callable[[float], bool]
+Monitor = Callable[[float], bool]
 """Called with the time after each step; False stops the run there."""
 
 
@@ -80,12 +79,16 @@ class Solver:
         """All sensors now, as a row of a table."""
         return np.concatenate([[time], *(self._values(number) for number in self.system.sensors.values())])
 
-    def torque(self, row: FloatArray, stop: str) -> float:
-        """Torque (or force) of a closed stop in a row of a table [N m, N]."""
-        return float(self.system.torques(stop, lambda sensor: row[None, self.columns[sensor]])[0])
+    def values(self, row: FloatArray) -> Values:
+        """Values of the sensors in a row of a table."""
+        return lambda sensor: row[None, self.columns[sensor]]
 
-    def balance(self, state: State, closed: Closed) -> Balance:
-        """Sensors and accelerations at a state, under the joints and the closed stops.
+    def torque(self, row: FloatArray, stop: str) -> float:
+        """Torque (or force) of an active stop in a row of a table [N m, N]."""
+        return float(self.system.constraints[stop].torque(self.values(row))[0])
+
+    def balance(self, state: State, active: Contacts) -> Balance:
+        """Sensors and accelerations at a state, under the joints and the active stops.
 
         Exudyn takes the constraints' second derivative from one-sided difference quotients, which leaves an error
         of 1e-4 N m in the torques at best; two of them, extrapolated to no difference at all, leave 1e-6.
@@ -93,7 +96,7 @@ class Solver:
         Raises:
             SimulationError: the constraints cannot be solved there.
         """
-        self.system.set_closed(closed)
+        self.system.set_active(active)
         self._set(state)
         once, twice = self._differenced(state.t, _DIFFERENCE), self._differenced(state.t, 2 * _DIFFERENCE)
         return Balance(2 * once.row - twice.row, 2 * once.accelerations - twice.accelerations)
@@ -113,22 +116,22 @@ class Solver:
         solver.FinalizeSolver(main, settings)
         return Balance(row, accelerations)
 
-    def run(self, state: State, closed: Closed, end: float, steps: int, watch: Watch | None = None) -> FloatArray:
+    def run(self, state: State, active: Contacts, end: float, steps: int, monitor: Monitor | None = None) -> FloatArray:
         """Table of all sensors at the start and after each step, shape (n, columns).
 
         Args:
             state: where to start.
-            closed: stops that act.
+            active: stops that act.
             end: time of the last step's end [s].
             steps: number of equal steps.
-            watch: looks on after every step.
+            monitor: looks on after every step.
 
         Raises:
             SimulationError: a step failed, or the end was not reached although nobody stopped the run.
         """
-        balance = self.balance(state, closed)
+        balance = self.balance(state, active)
         self._set(state, balance.accelerations)
-        finished, stopped = self._solve(self._settings(state.t, end, steps), watch)
+        finished, stopped = self._solve(self._settings(state.t, end, steps), monitor)
         table = self._table()
         table[0] = balance.row  # with accelerations given, Exudyn's own first row has no forces
         self.steps += len(table) - 1
@@ -141,18 +144,18 @@ class Solver:
             raise SimulationError(f"{solver} gave up after t = {last:.6g} s of {end:.6g} s; {hint}.")
         return table
 
-    def _solve(self, settings: Any, watch: Watch | None) -> tuple[bool, bool]:
-        """Whether Exudyn says it finished, and whether the watch stopped it."""
+    def _solve(self, settings: Any, monitor: Monitor | None) -> tuple[bool, bool]:
+        """Whether Exudyn says it finished, and whether the monitor stopped it."""
         start, stopped = settings.timeIntegration.startTime, False
 
         def after_step(_: Any, time: float) -> bool:
             # Exudyn takes the missing value of a bare `return` for False, and ends the run without a word.
             nonlocal stopped
-            stopped = stopped or (watch is not None and time > start and not watch(time))
+            stopped = stopped or (monitor is not None and time > start and not monitor(time))
             return not stopped
 
         main = self.system.main
-        main.SetPostStepUserFunction(after_step if watch else 0)
+        main.SetPostStepUserFunction(after_step if monitor else 0)
         settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False
         try:
             return bool(main.SolveDynamic(settings)), stopped

@@ -1,4 +1,10 @@
-"""Moving a mechanism with Exudyn from its start to the end, over the releases of its stops: release-once."""
+"""Moving a mechanism with Exudyn from its start to the end, over the releases and impacts of its stops.
+
+Exudyn's solver runs until a step in which an active stop pulls or, under the unilateral law, an inactive one
+penetrates. The run then goes back some steps and steps exactly onto the event; what follows from it is decided by
+:mod:`..contact_events`. A contact that begins and ends within one step is not seen: its penetration is at most the
+step's length squared times an eighth of the gap's acceleration.
+"""
 
 from __future__ import annotations
 
@@ -8,35 +14,55 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.mechanism import GROUND, PointStop
-from ...models.problem import Problem
+from ...models.errors import InputError
+from ...models.problem import Problem, StopLaw
+from ..contact_events import SAME_TIME, ContactEvents, Contacts, active_contacts, resting
 from ..protocol import Recording
-from .build import build
+from .build import build, silence
+from .constraints import Values
+from .impact import resolve_impact
 from .options import ExudynOptions
 from .read import Reader, recording
-from .solver import Balance, Closed, Solver, State
+from .solver import Balance, Solver, State
 from .springs import springs
 
 _WHOLE = 1e-6  # of a step: so near to a whole number of steps, it is one
-SAME_TIME = 1e-12  # [s]
-RESOLVED = 1e-13  # [s] rounding of a torque over its slope
-MOST_PROBES = 12  # a torque is all but straight within a step: four are enough
+_RESOLVED = 1e-13  # [s] rounding of a torque over its slope
+_MOST_PROBES = 12  # a torque is nearly linear within a step: four are enough
 
 
 @dataclass(frozen=True)
-class Piece:
-    """A stretch of motion under the same closed stops, and what follows from its end."""
+class Segment:
+    """Motion with the same active contacts, and what follows from its end."""
 
     table: FloatArray
     """All sensors, the first and the last time included, shape (n, columns)."""
     state: State
     """At the end, after whatever happens there."""
-    closed: Closed
-    """Stops that act from there on."""
+    active: Contacts
+    """Contacts that act from there on."""
 
 
-class Motion:
-    """Moves one problem; `releases` and `impacts` tell what its stops did."""
+def run(problem: Problem, options: ExudynOptions) -> Recording:
+    """Simulate a problem.
+
+    Raises:
+        InputError: stops are to be springs under the unilateral law.
+        UnsupportedProblemError: the mechanism cannot be built, or not from this start.
+        SimulationError: Exudyn's solver gave up before the end, or impacts follow each other without an end.
+    """
+    once = problem.stop_law is StopLaw.RELEASE_ONCE
+    if not once and options.stop_stiffness is not None:
+        raise InputError(
+            f"stop_stiffness = {options.stop_stiffness:g} must be left out under the unilateral law: exudyn's springs "
+            f"are for stops that open once; its impacts are those of rigid stops."
+        )
+    with silence():
+        return (_Motion if once else _UnilateralMotion)(problem, options).recording()
+
+
+class _Motion:
+    """Moves one problem under the release-once law."""
 
     def __init__(self, problem: Problem, options: ExudynOptions) -> None:
         self.mechanism = problem.mechanism
@@ -44,98 +70,89 @@ class Motion:
         self.options = options
         self.system = build(problem.mechanism, law=problem.stop_law)
         self.solver = Solver(self.system, options)
-        self.releases: dict[str, float | None] = {stop.name: None for stop in problem.mechanism.stops}
-        self.impacts: list[tuple[float, dict[str, float]]] = []
-        """Time [s] and impulse of each stop that took part [N m s, N s]."""
+        self.events = ContactEvents(problem.mechanism, "exudyn")
 
     def recording(self) -> Recording:
         """Move from the start to the end, and read out."""
         state = self.solver.start()
-        closed = self._pushing(state, tuple(stop.name for stop in self.mechanism.stops if stop.closed))
-        if closed and self.options.stop_stiffness is not None:
-            self._soften(state, closed, self.options.stop_stiffness)
-        pieces: list[FloatArray] = []
-        while not pieces or self.duration - state.t > SAME_TIME:
-            piece = self._piece(state, closed)
-            pieces.append(piece.table)
-            state, closed = piece.state, piece.closed
-        # Where two pieces meet, the later one tells the forces of what holds from there on.
-        table = np.concatenate([*(piece[:-1] for piece in pieces[:-1]), pieces[-1]])
+        active = self._pushing(state, tuple(stop.name for stop in self.mechanism.stops if stop.closed))
+        if active and self.options.stop_stiffness is not None:
+            self._replace_by_springs(state, active, self.options.stop_stiffness)
+        tables: list[FloatArray] = []
+        while not tables or self.duration - state.t > SAME_TIME:
+            segment = self._segment(state, active)
+            tables.append(segment.table)
+            state, active = segment.state, segment.active
+        # At the time of an event the later segment has the forces of what acts from there on.
+        table = np.concatenate([*(table[:-1] for table in tables[:-1]), tables[-1]])
         table[:, 0] = np.minimum(table[:, 0], self.duration)  # Exudyn's sum of steps may end a rounding later
         reader = Reader(self.system, self.solver.columns, table)
-        return recording(reader, self._torques(reader), self.releases, tuple(self.impacts), self.solver.steps)
+        return recording(reader, self._torques(reader), self.events, self.solver.steps)
 
     def _torques(self, reader: Reader) -> dict[str, FloatArray]:
-        return {name: reader.torque(name, released) for name, released in self.releases.items()}
+        return {name: reader.torque(name, released) for name, released in self.events.releases.items()}
 
-    def _soften(self, state: State, closed: Closed, stiffness: float) -> None:
+    def _replace_by_springs(self, state: State, active: Contacts, stiffness: float) -> None:
         """Go on with springs in place of the constraints that push at the start."""
-        found = springs(self.solver, state, closed, stiffness, self.options.stop_damping_ratio)
+        found = springs(self.solver, state, active, stiffness, self.options.stop_damping_ratio)
         self.system = build(self.mechanism, found)
         self.solver = Solver(self.system, self.options)
 
-    def _piece(self, state: State, closed: Closed) -> Piece:
+    def _segment(self, state: State, active: Contacts) -> Segment:
         """Move to the next release or the end."""
         if not self.options.located_releases:
-            return self._released_after_steps(state, closed)
-        table = self.solver.run(
-            state,
-            closed,
-            self.duration,
-            self._steps_from(state),
-            (lambda _: self._all_push(closed)) if closed else None,
-        )
-        if not closed or self._all_push(closed):
-            return self._going_on(table, closed)
-        found = self._first_release(table, closed)
-        return self._opened(*found, closed) if found else self._going_on(table, closed)
+            return self._released_after_steps(state, active)
+
+        def all_push(_: float) -> bool:
+            return self._all_push(active)
+
+        table = self.solver.run(state, active, self.duration, self._steps_from(state), all_push if active else None)
+        if not active or self._all_push(active):
+            return self._continued(table, active)
+        found = self._first_release(table, active)
+        return self._opened(*found, active) if found else self._continued(table, active)
 
     def _steps_from(self, state: State) -> int:
         return max(1, math.ceil((self.duration - state.t) / self.options.timestep - _WHOLE))
 
-    def _going_on(self, table: FloatArray, closed: Closed) -> Piece:
-        return Piece(table, self.solver.state(table, -1), closed)
+    def _continued(self, table: FloatArray, active: Contacts) -> Segment:
+        return Segment(table, self.solver.state(table, -1), active)
 
-    def _all_push(self, closed: Closed) -> bool:
-        return all(self.system.torque(name) >= 0.0 for name in closed)
+    def _all_push(self, active: Contacts) -> bool:
+        return all(self.system.torque(name) >= 0.0 for name in active)
 
-    def _released_after_steps(self, state: State, closed: Closed) -> Piece:
+    def _released_after_steps(self, state: State, active: Contacts) -> Segment:
         """Move to the end, switching a stop off after the step in which its torque fell below zero."""
-        held = list(closed)
+        left = list(active)
 
         def release(time: float) -> bool:
-            for name in [name for name in held if self.system.torque(name) < 0.0]:
-                held.remove(name)
-                self.releases[name] = time
-                self.system.set_closed(tuple(held))
+            for name in [name for name in left if self.system.torque(name) < 0.0]:
+                left.remove(name)
+                self.events.release([name], time)
+                self.system.set_active(tuple(left))
             return True
 
-        table = self.solver.run(state, closed, self.duration, self._steps_from(state), release if held else None)
-        return self._going_on(table, tuple(held))
+        table = self.solver.run(state, active, self.duration, self._steps_from(state), release if left else None)
+        return self._continued(table, tuple(left))
 
-    def _first_release(self, table: FloatArray, closed: Closed) -> tuple[FloatArray, str] | None:
-        """A table whose last step went beyond a release, cut down to steps onto it, and which stop lets go there.
+    def _first_release(self, table: FloatArray, active: Contacts) -> tuple[FloatArray, str] | None:
+        """A table whose last step went beyond a release, cut to end with steps onto it, and which stop opens there.
 
-        None where it was only the error of the integrator's multiplier: a run may go on from there, free of it.
+        None where only the error of the integrator's multiplier is negative: a run may go on from there, free of it.
         """
-        row = self.solver.balance(self.solver.state(table, -1), closed).row
-        pulling = [name for name in closed if self.solver.torque(row, name) < 0.0]
-        found = [(*self._onto_zero(table, closed, name), name) for name in pulling]
+        row = self.solver.balance(self.solver.state(table, -1), active).row
+        pulling = [name for name in active if self.solver.torque(row, name) < 0.0]
+        found = [(*self._onto_zero_torque(table, active, name), name) for name in pulling]
         _, earliest, name = min(found, key=lambda release: release[0], default=(0.0, table, None))
         return None if name is None else (earliest, name)
 
-    def _opened(self, table: FloatArray, name: str, closed: Closed) -> Piece:
-        """What follows where a stop lets go at the end of a table."""
+    def _opened(self, table: FloatArray, name: str, active: Contacts) -> Segment:
+        """What follows where a stop opens at the end of a table."""
         state = self.solver.state(table, -1)
-        self._note_release(name, state.t)
-        return Piece(table, state, self._pushing(state, tuple(other for other in closed if other != name)))
+        self.events.release([name], state.t)
+        return Segment(table, state, self._pushing(state, tuple(other for other in active if other != name)))
 
-    def _note_release(self, name: str, time: float) -> None:
-        """The first opening counts: it is the one the throw depends on."""
-        if self.releases[name] is None and self.mechanism.stop(name).closed:
-            self.releases[name] = time
-
-    def _onto_zero(self, table: FloatArray, closed: Closed, name: str) -> tuple[float, FloatArray]:
+    def _onto_zero_torque(self, table: FloatArray, active: Contacts, name: str) -> tuple[float, FloatArray]:
         """When the torque of a stop is zero, near the last step of a table [s], and a table up to there.
 
         The steps onto it start two steps back, so that they are longer than half a step wherever it lies. The
@@ -146,55 +163,122 @@ class Motion:
         begin = self.solver.state(table, first)
 
         def torque(rows: FloatArray, row: int) -> float:
-            return self.solver.torque(self.solver.balance(self.solver.state(rows, row), closed).row, name)
+            return self.solver.torque(self.solver.balance(self.solver.state(rows, row), active).row, name)
 
         ends = [float(table[last - 1, 0]), float(table[last, 0])]
         values = [torque(table, last - 1), torque(table, last)]
         found = table
-        for _ in range(MOST_PROBES):
+        for _ in range(_MOST_PROBES):
             slope = (values[-1] - values[-2]) / (ends[-1] - ends[-2])
             end = min(ends[-1] - values[-1] / slope, float(table[last, 0])) if slope else ends[-1]
             if end - begin.t <= SAME_TIME:
                 return begin.t, table[: first + 1]
-            if abs(end - ends[-1]) <= RESOLVED:
+            if abs(end - ends[-1]) <= _RESOLVED:
                 break
-            rows = self.solver.run(begin, closed, end, last - first)
+            rows = self.solver.run(begin, active, end, last - first)
             found = np.concatenate([table[: first + 1], rows[1:]])
             ends.append(end)
             values.append(torque(rows, -1))
         return ends[-1], found
 
-    def _pushing(self, state: State, touching: Closed) -> Closed:
-        """Which of the touching stops push while the others open, all decided at once; those are released.
+    def _pushing(self, state: State, touching: Contacts) -> Contacts:
+        """Which of the touching stops push while the others open; those that open are released."""
+        active = active_contacts(touching, lambda active: self._violated(state, touching, active))
+        self.events.release((name for name in touching if name not in active), state.t)
+        return active
 
-        Murty's pivoting: one stop on the wrong side changes sides at a time, always the first one in the list. It
-        ends because the problem (0 <= torque, complementary to gap acceleration >= 0) has one solution.
-        """
-        closed, tried = touching, set[Closed]()
-        while closed not in tried and (wrong := self._first_wrong(state, touching, closed)):
-            tried.add(closed)  # the same choice twice: zeros, of which rounding decides the sign
-            closed = tuple(name for name in touching if (name in closed) != (name == wrong))
+    def _violated(self, state: State, touching: Contacts, active: Contacts) -> str | None:
+        balance = self.solver.balance(state, active)
         for name in touching:
-            if name not in closed:
-                self._note_release(name, state.t)
-        return closed
-
-    def _first_wrong(self, state: State, touching: Closed, closed: Closed) -> str | None:
-        balance = self.solver.balance(state, closed)
-        for name in touching:
-            if name not in closed and self.system.springs:
-                continue  # a preloaded spring lets go with its gap open: which way that moves then does not matter
-            if (self.solver.torque(balance.row, name) if name in closed else self._opening(name, balance)) < 0.0:
+            if name not in active and self.system.springs:
+                continue  # a preloaded spring releases with its gap open: how that moves then does not matter
+            if (self.solver.torque(balance.row, name) if name in active else self._opening(name, balance)) < 0.0:
                 return name
         return None
 
     def _opening(self, name: str, balance: Balance) -> float:
         """Acceleration of a stop's gap [rad/s^2, m/s^2]."""
-        stop = self.mechanism.stop(name)
-        if isinstance(stop, PointStop):
-            point = balance.row[self.solver.columns["stop", name, "Acceleration"]]
-            return float(point[:2] @ np.array(stop.normal))
         names = (body.name for body in self.mechanism.bodies)
-        rotations = dict(zip(names, balance.accelerations[2::3].tolist(), strict=True)) | {GROUND: 0.0}
-        # Exudyn's rotations are anticlockwise, hence the minus.
-        return -stop.sense * (rotations[stop.body] - rotations[stop.relative_to])
+        rotations = dict(zip(names, balance.accelerations[2::3].tolist(), strict=True))
+        return self.system.constraints[name].gap_acceleration(self.solver.values(balance.row), rotations)
+
+
+class _UnilateralMotion(_Motion):
+    """Moves one problem whose stops may be met again."""
+
+    def _segment(self, state: State, active: Contacts) -> Segment:
+        """Move to the next release or impact, or to the end."""
+        table = self.solver.run(
+            state, active, self.duration, self._steps_from(state), lambda _: self._is_undisturbed(active)
+        )
+        opened = self._first_opened(table, active)
+        times = [(*self._onto_zero_gap(table, active, name), name) for name in self._met(active, self._last(table))]
+        first, shortest, name = min(times, key=lambda event: event[0], default=(np.inf, table, None))
+        if opened and opened[0][-1, 0] < first:
+            return self._opened(*opened, active)
+        return self._continued(table, active) if name is None else self._after_impact(shortest, active, name)
+
+    def _first_opened(self, table: FloatArray, active: Contacts) -> tuple[FloatArray, str] | None:
+        """The stop that opens in the last step of a table, if one does, and a table up to there."""
+        pulling = (name for name in active if self.solver.torque(table[-1], name) < 0.0)
+        name = next(pulling, None)
+        if name is None or self.options.located_releases:
+            return None if name is None else self._first_release(table, active)
+        return table, name
+
+    def _is_undisturbed(self, active: Contacts) -> bool:
+        return self._all_push(active) and not self._met(active, self.system.now)
+
+    def _met(self, active: Contacts, values: Values) -> list[str]:
+        """Inactive stops in penetration that close; one that has just opened may penetrate by the drift it had."""
+        inactive = ((name, found) for name, found in self.system.constraints.items() if name not in active)
+        return [name for name, found in inactive if found.gap(values) < 0.0 > found.gap_speed(values)]
+
+    def _onto_zero_gap(self, table: FloatArray, active: Contacts, name: str) -> tuple[float, FloatArray]:
+        """When the gap of a stop is zero, in the last steps of a table [s], and a table up to there.
+
+        Newton's iteration from the far end: after a rebound lower than a step is long the gap is zero at both of its
+        ends, and the later one is the impact.
+        """
+        last, first = len(table) - 1, max(len(table) - 3, 0)
+        begin, found = self.solver.state(table, first), table
+        for _ in range(_MOST_PROBES):
+            time = float(found[-1, 0])
+            end = self._newton(time, self._last(found), name, float(table[-1, 0]))
+            if end - begin.t <= SAME_TIME:
+                return begin.t, table[: first + 1]
+            if abs(end - time) <= _RESOLVED:
+                break
+            rows = self.solver.run(begin, active, end, last - first)
+            found = np.concatenate([table[: first + 1], rows[1:]])
+        return float(found[-1, 0]), found
+
+    def _newton(self, time: float, values: Values, name: str, latest: float) -> float:
+        """The next guess of when a gap is zero [s]; half way back where the gap grows, on the wrong side of a turn."""
+        found = self.system.constraints[name]
+        speed = found.gap_speed(values)
+        return (time + latest) / 2 if speed >= 0 else min(time - found.gap(values) / speed, latest)
+
+    def _last(self, table: FloatArray) -> Values:
+        return self.solver.values(table[-1])
+
+    def _after_impact(self, table: FloatArray, active: Contacts, name: str) -> Segment:
+        """What follows where a stop is met at the end of a table."""
+        state, values = self.solver.state(table, -1), self._last(table)
+        found = self.system.constraints
+        touching = self.events.touching(state.t, name, active, lambda other: found[other].gap(values))
+        restitution = self.events.restitution({other: found[other].gap_speed(values) for other in touching})
+        after, impulses = resolve_impact(self.system, state, restitution)
+        self.events.note_impact(state.t, impulses)
+        return Segment(table, after, self._resting(after, touching))
+
+    def _resting(self, state: State, touching: Contacts) -> Contacts:
+        """Of the stops that touch after an impact, those that neither part nor would have to pull."""
+        values = self.solver.values(self.solver.balance(state, ()).row)
+        rest = resting({name: self.system.constraints[name].gap_speed(values) for name in touching})
+        self.events.release((name for name in touching if name not in rest), state.t)
+        return self._pushing(state, rest)
+
+    def _torques(self, reader: Reader) -> dict[str, FloatArray]:
+        """Of all stops: the multiplier of one that is open is zero."""
+        return {name: reader.torque(name, None) for name in self.events.releases}

@@ -42,9 +42,9 @@ def _still_foot(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def _body_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     """Exudyn's forces of walls, which come in the body's frame, taken for the world's."""
-    from trebucheck.engines.exudyn import build as _exudyn_build
+    from trebucheck.engines.exudyn import constraints as _exudyn_constraints
 
-    monkeypatch.setattr(_exudyn_build, "turned", lambda local, _: local[:, :2])
+    monkeypatch.setattr(_exudyn_constraints, "turned", lambda local, _: local[:, :2])
 
 
 HINGED = (

@@ -1,0 +1,176 @@
+"""The stops of a built Exudyn system: what its connectors and sensors say of their gaps and forces.
+
+Exudyn's rotations are positive anticlockwise, the mechanism's angles clockwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+
+from ...models.arrays import FloatArray
+from ...models.mechanism import GROUND, PointStop, Stop
+
+ROUNDING = 1e-15  # [rad] of the difference of two angles of some radians; [m per m] of a point's position
+
+SensorKey = tuple[str, str, str]
+"""Kind of item (body, marker, joint, stop), its name, the quantity as Exudyn calls it."""
+
+Values = Callable[[SensorKey], FloatArray]
+"""Values of a sensor, shape (n, components): over a table, or one row of the present."""
+
+Output = Callable[[str], Any]
+"""An output variable of a connector at the current state, by its name."""
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A stop as a spring and damper between two rotations, or between a point and its line."""
+
+    stiffness: float
+    """[N m/rad, N/m]"""
+    damping: float = 0.0
+    """[N m s/rad, N s/m]"""
+    torque: float = 0.0
+    """With the gap closed and at rest [N m, N]."""
+
+
+class UnilateralConstraint(Protocol):
+    """A stop's connector; `values` are those of one row of sensors, but for :meth:`torque`."""
+
+    @property
+    def sense(self) -> int:
+        """Sign of the connector's displacement that closes the gap: 1 or -1."""
+        ...
+
+    force_sensor: ClassVar[str]
+    """Exudyn's name of the connector's force."""
+
+    def torque(self, values: Values) -> FloatArray:
+        """Torque (or force) while it is active [N m, N], shape (n,)."""
+        ...
+
+    def connector_gap(self, output: Output, values: Values) -> float:
+        """Gap by the connector's own measure at the current state [rad, m]."""
+        ...
+
+    def gap(self, values: Values) -> float:
+        """Gap by the bodies' coordinates [rad, m]."""
+        ...
+
+    def gap_speed(self, values: Values) -> float:
+        """Speed of the gap [rad/s, m/s]."""
+        ...
+
+    def gap_acceleration(self, values: Values, rotations: Mapping[str, float]) -> float:
+        """Acceleration of the gap [rad/s^2, m/s^2]; `rotations` are the bodies' rotational accelerations [rad/s^2]."""
+        ...
+
+    def rounding(self, values: Values) -> float:
+        """Rounding error of the gap [rad, m]."""
+        ...
+
+
+@dataclass(frozen=True)
+class AngleLimit:
+    """A stop on a relative angle: a connector of two rotations."""
+
+    stop: Stop
+    spring: Spring | None
+
+    @property
+    def sense(self) -> int:
+        """The stop's own."""
+        return self.stop.sense
+
+    force_sensor: ClassVar[str] = "Force"
+
+    def torque(self, values: Values) -> FloatArray:
+        """The connector's force."""
+        return self.stop.sense * values(("stop", self.stop.name, self.force_sensor))[:, 0]
+
+    def connector_gap(self, output: Output, values: Values) -> float:
+        """From the constraint's equation, which includes its offset; the offset of a spring is its preload, no gap."""
+        return -self.sense * float(output("Displacement" if self.spring else "ConstraintEquation"))
+
+    def gap(self, values: Values) -> float:
+        """From the nodes' rotations."""
+        return self._relative(lambda body: self._rotation(values, body, "CoordinatesTotal")) - self.stop.limit
+
+    def gap_speed(self, values: Values) -> float:
+        """From the nodes' rotational speeds."""
+        return self._relative(lambda body: self._rotation(values, body, "Coordinates_t"))
+
+    def gap_acceleration(self, values: Values, rotations: Mapping[str, float]) -> float:
+        """From the bodies' rotational accelerations."""
+        return self._relative(lambda body: rotations[body])
+
+    def rounding(self, values: Values) -> float:
+        """Of two angles."""
+        return ROUNDING
+
+    def _rotation(self, values: Values, body: str, quantity: str) -> float:
+        return float(values(("body", body, quantity))[0, 2])
+
+    def _relative(self, rotation: Callable[[str], float]) -> float:
+        one, other = (0.0 if body == GROUND else rotation(body) for body in (self.stop.body, self.stop.relative_to))
+        return -self.stop.sense * (one - other)
+
+
+@dataclass(frozen=True)
+class PointContact:
+    """A stop on a point: a line of the ground that the point is on, without friction."""
+
+    stop: PointStop
+    spring: Spring | None
+
+    @property
+    def sense(self) -> int:
+        """1: the connector is built along the normal."""
+        return 1
+
+    force_sensor: ClassVar[str] = "ForceLocal"
+
+    def torque(self, values: Values) -> FloatArray:
+        """The connector's force along the normal; a constraint's comes in the body's frame."""
+        force = values(("stop", self.stop.name, self.force_sensor))
+        return force[:, 0] if self.spring else self._along_normal(force, values)
+
+    def connector_gap(self, output: Output, values: Values) -> float:
+        """From the connector's displacement; a constraint's comes in the body's frame."""
+        displacement = output("DisplacementLocal")
+        if self.spring:
+            return -float(displacement)
+        return -float(self._along_normal(np.atleast_2d(displacement), values)[0])
+
+    def gap(self, values: Values) -> float:
+        """From the point's position."""
+        return self._component(values, "Position") - self.stop.offset
+
+    def gap_speed(self, values: Values) -> float:
+        """From the point's velocity."""
+        return self._component(values, "Velocity")
+
+    def gap_acceleration(self, values: Values, rotations: Mapping[str, float]) -> float:
+        """From the point's acceleration."""
+        return self._component(values, "Acceleration")
+
+    def rounding(self, values: Values) -> float:
+        """Of the point's position."""
+        return ROUNDING * max(1.0, float(np.abs(values(("stop", self.stop.name, "Position"))).max()))
+
+    def _component(self, values: Values, quantity: str) -> float:
+        return float(values(("stop", self.stop.name, quantity))[0, :2] @ np.array(self.stop.normal))
+
+    def _along_normal(self, local: FloatArray, values: Values) -> FloatArray:
+        rotation = values(("body", self.stop.body, "CoordinatesTotal"))[:, 2]
+        return turned(local, rotation) @ np.array(self.stop.normal)
+
+
+def turned(local: FloatArray, rotation: FloatArray) -> FloatArray:
+    """Vectors of a body's frame in the world's, shape (n, 2); rotations [rad] anticlockwise, shape (n,)."""
+    world = (local[:, 0] + 1j * local[:, 1]) * np.exp(1j * rotation)
+    return np.stack([world.real, world.imag], axis=-1)
