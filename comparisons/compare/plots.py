@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -85,20 +86,26 @@ def _positive(values: FloatArray) -> FloatArray:
 
 
 def figures(comparison: Comparison, machine: Machine) -> Iterator[Figure]:
-    """All plots of one machine."""
-    solution, end = comparison.solutions[machine.model], machine.compared_to
-    own = {label: t for (model, label), t in comparison.trajectories.items() if model == machine.model}
-    runs = lines(solution, own, end)
+    """All plots of one machine, each drawn when a page needs it."""
+
+    @cache
+    def runs() -> list[Line]:
+        own = {label: t for (model, label), t in comparison.trajectories.items() if model == machine.model}
+        return lines(comparison.solutions[machine.model], own, machine.compared_to)
+
+    def drawn(draw: Callable[..., go.Figure], *rest: object) -> Callable[[], go.Figure]:
+        return lambda: draw(comparison.solutions[machine.model], runs(), *rest)
+
     text = "The paths of projectile and counterweight, and the machine at the start and at the end."
-    yield Figure(_paths(solution, runs, end), "Motion", text)
+    yield Figure(drawn(_paths, machine.compared_to), "Motion", text)
     text = "At each engine's own times; no sample is interpolated."
-    yield Figure(_distances(runs), "Distance from the reference", text)
+    yield Figure(drawn(_distances), "Distance from the reference", text)
     for title, text, unit, quantities in _quantities(machine):
         if quantities:
-            plot = _over_time(solution, runs, end, quantities, unit)
+            plot = drawn(_over_time, machine.compared_to, quantities, unit)
             yield Figure(plot, title, f"{text} Below, the differences to the reference.")
     text = "Of the total energy at the start. Nothing dissipates: any drift is numerical."
-    yield Figure(_energy_drift(solution, runs), "Energy drift", text)
+    yield Figure(drawn(_energy_drift), "Energy drift", text)
 
 
 def _quantities(machine: Machine) -> Iterator[tuple[str, str, str, dict[str, Quantity]]]:
@@ -169,7 +176,7 @@ def _over_time(
     return finish(figure, 620)
 
 
-def _distances(runs: Sequence[Line]) -> go.Figure:
+def _distances(_: Solution, runs: Sequence[Line]) -> go.Figure:
     """Distance of the projectile and of the counterweight from the reference, logarithmic."""
     quantities = {name: position(name) for name in ("projectile", "counterweight")}
     figure = make_subplots(1, 2, subplot_titles=list(quantities))

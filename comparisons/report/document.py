@@ -8,7 +8,7 @@ folds always are.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import TYPE_CHECKING, ClassVar, Literal, Protocol, TypeVar
@@ -187,7 +187,8 @@ class Figure:
     """A plot with its title and the sentence that says how to read it."""
 
     kind: ClassVar[str] = "figure"
-    plot: go.Figure
+    plot: go.Figure | Callable[[], go.Figure]
+    """Or what draws it, for a page only."""
     title: str = ""
     caption: str = ""
     medium: Medium = "page"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -31,7 +32,8 @@ def _template() -> Template:
     return environment.from_string(text)
 
 
-def _embedded(plot: go.Figure) -> Markup:
+def _embedded(plot: go.Figure | Callable[[], go.Figure]) -> Markup:
     """A figure as HTML that needs plotly.js on its page."""
+    plot = plot if isinstance(plot, go.Figure) else plot()
     options: dict[str, Any] = {"displaylogo": False, "responsive": True}
     return Markup(plot.to_html(full_html=False, include_plotlyjs=False, config=options))

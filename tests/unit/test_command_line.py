@@ -132,6 +132,21 @@ def test_compare_writes_all_and_ends_well(tmp_path: Path, capsys: pytest.Capture
     assert not list(out.rglob("*.part"))
 
 
+def test_resuming_a_finished_comparison_writes_nothing_but_what_is_missing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["compare", "--engine", "reference", "--model", "fixed", "--out", str(tmp_path)]
+    assert main(arguments) == 0
+    shown, page = capsys.readouterr().out, (tmp_path / "report.html").read_text()
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.*")}
+    assert main([*arguments, "--resume"]) == 0
+    assert capsys.readouterr().out == shown
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.*")} == before
+    (tmp_path / "report.html").unlink()
+    assert main([*arguments, "--resume"]) == 0
+    assert len((tmp_path / "report.html").read_text()) == len(page)  # but for the random names of its plots
+
+
 def test_a_broken_tolerance_is_exit_code_1(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -280,6 +280,56 @@ def test_a_broken_kept_file_is_made_anew(tmp_path: Path) -> None:
     assert load(tmp_path / "fixed-reference-tuned.nc").mechanism == tb.fixed()
 
 
+def test_runs_of_another_version_of_the_engine_are_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from trebucheck.engines.registry import engine_class
+
+    _compare(store=Store(tmp_path))
+    kept = tmp_path / "fixed-reference-tuned.nc"
+    before = kept.stat().st_mtime_ns
+    monkeypatch.setattr(engine_class("reference"), "version", classmethod(lambda cls: "another"))
+    comparison = _compare(store=Store(tmp_path, resume=True))
+    assert kept.stat().st_mtime_ns != before
+    assert comparison.trajectories["fixed", "reference tuned"].provenance.engine_version == "another"
+
+
+def test_a_finished_comparison_is_not_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from trebucheck.comparisons.compare import study
+
+    store = Store(tmp_path / "trajectories", records=tmp_path / "runs")
+    presets = ["tuned", "stock"]
+    first = _compare(presets=presets, store=store)
+    assert not first.repeated
+    monkeypatch.setattr(study, "measure", None)
+    again = _compare(presets=presets, store=replace(store, resume=True))
+    assert again.repeated and again.results == first.results
+    key = "fixed", "reference stock"
+    assert np.array_equal(again.trajectories[key].q, first.trajectories[key].q)
+    assert again.solutions["fixed"].release_times == first.solutions["fixed"].release_times
+
+
+@pytest.mark.parametrize("name", ["runs/fixed.json", "runs/fixed-reference-tuned.json"])
+@pytest.mark.parametrize("content", ["not JSON", '{"conditions": "of another"}', None])
+def test_a_broken_or_foreign_record_is_made_anew(name: str, content: str | None, tmp_path: Path) -> None:
+    store = Store(tmp_path / "trajectories", records=tmp_path / "runs")
+    first = _compare(store=store)
+    path = tmp_path / name
+    path.unlink() if content is None else path.write_text(content)
+    again = _compare(store=replace(store, resume=True))
+    assert not again.repeated and again.results == first.results
+    assert _compare(store=replace(store, resume=True)).repeated
+
+
+def test_a_record_is_of_one_trajectory_and_of_one_end(tmp_path: Path) -> None:
+    store = Store(tmp_path / "trajectories", records=tmp_path / "runs")
+    _compare(store=store)
+    resumed = replace(store, resume=True)
+    (tmp_path / "trajectories" / "fixed-reference-tuned.nc").write_bytes(b"not NetCDF")
+    assert not _compare(store=resumed).repeated
+    assert _compare(store=resumed).repeated
+    assert not _compare(store=resumed, duration=1.0).repeated
+    assert not _compare(store=resumed, duration=1.0, stop_law="unilateral").repeated
+
+
 # files
 
 
