@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 import trebucheck as tb
 from trebucheck.reference.solver import solve
-from trebucheck.reference.taylor.solve import launch_batch, taylor_figures, taylor_launch
+from trebucheck.reference.taylor.solve import launch_batch, taylor_launch, taylor_quantities
 
 RUNS, BATCH, TOLERANCE, DURATION = 15, 1000, 1e-12, 4.0
 BUILDS = {"fixed": tb.fixed, "rolling": tb.rolling}
@@ -50,7 +50,7 @@ def main() -> None:
         launches: dict[str, Callable[[], object]] = {
             "DOP853, 1e-12": partial(dop853_launch, problem),
             "Taylor, 1e-12": partial(taylor_launch, problem, TOLERANCE),
-            "Taylor, extended precision": partial(taylor_figures, problem, "extended"),
+            "Taylor, extended precision": partial(taylor_quantities, problem, "extended"),
         }
         for what, launch in launches.items():
             first, warm = seconds(launch, RUNS)

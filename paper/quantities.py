@@ -17,7 +17,7 @@ from ..models.machines.trebuchet import ARM_STOP, COUNTERWEIGHT, PROJECTILE
 from ..models.mechanism import Mechanism
 from ..models.problem import StopLaw
 from ..models.trajectory import Trajectory
-from ..reference.certification.quantities import BEYOND_LAUNCH, Key, Motion, Plan, figures, vacuum_range
+from ..reference.certification.quantities import BEYOND_LAUNCH, Key, Motion, Plan, read_quantities, vacuum_range
 from .printed import CAPTION_STEP, TIME_STEP
 
 _SCAN = 0.01  # [s] in which the arm cannot come to its stop and back
@@ -184,7 +184,9 @@ def read(motion: Motion, trajectory: Trajectory) -> Readings:
         motion: the continuous motion.
         trajectory: the same motion at times of its own, a little past the launch at least.
     """
-    found = {certified(key): value for key, value in figures(motion, _plan(trajectory.mechanism, motion)).items()}
+    found = {
+        certified(key): value for key, value in read_quantities(motion, _plan(trajectory.mechanism, motion)).items()
+    }
     for part in (_of_the_launch, _of_the_counterweight, _of_the_best_release, _of_the_arm):
         found |= dict(part(motion, trajectory, found))
     return found | dict(_along(motion, trajectory)) | dict(_shapes(trajectory))

@@ -1,12 +1,12 @@
-"""Which stops hold, from the start over every release and impact: what happens *at* an event.
+"""The active contacts over time: what every release and impact changes.
 
-Between events an integrator moves the machine under a fixed set of closed stops; how it finds an event is its own
-business. What follows from one is decided here, once for all integrators, and by complementarity: no order of
+Between events an integrator moves the machine under a fixed set of closed stops, and locates the events itself. What
+follows from an event is decided here, once for all integrators, and by complementarity (:mod:`.contact`): no order of
 stops is ever chosen.
 
 - **Release.** The torque of a closed stop falls through zero: it opens.
 - **Impact** (unilateral law only). The gap of an open stop falls through zero: speeds jump in the metric of the mass
-  matrix with the stop's restitution e. Stops that touch at the same instant take part, held ones included.
+  matrix with the stop's restitution e. Stops that touch at the same instant take part, active ones included.
 - **No endless bouncing.** For 0 < e < 1 rebounds follow each other ever faster and come to rest at a finite time. A
   stop met more slowly than `REST_SPEED` does not bounce (e = 0 there): at 1e-6 rad/s a rebound would be some 1e-12
   rad high. With e = 1 nothing settles, nor should it.
@@ -25,8 +25,8 @@ import numpy as np
 from ..models.arrays import FloatArray
 from ..models.errors import InputError
 from ..models.problem import Problem, StopLaw
+from .contact import active_contacts, gap_jacobian, resolve_impact
 from .equations import Equations
-from .stops import gap_rows, impact, pushing
 
 REST_SPEED = 1e-6  # [rad/s]
 TOGETHER = 1e-9  # [s]
@@ -36,16 +36,16 @@ _FITS = 1e-9  # [m], [m/s] how well loops of joints must close at the start
 
 
 @dataclass(frozen=True)
-class Watch:
-    """An event to look for: a closed stop's torque, or an open stop's gap, falling through zero."""
+class EventFunction:
+    """A closed stop's torque (release) or an open stop's gap (impact): the event is its downward zero crossing."""
 
     stop: str
     closes: bool
 
 
 @dataclass(frozen=True)
-class Moment:
-    """A state just after an event (or at the start), and the stops that hold from there on."""
+class PostEventState:
+    """A state just after an event (or at the start), and the stops that are active from there on."""
 
     t: float
     q: FloatArray
@@ -54,7 +54,7 @@ class Moment:
 
 
 class ActiveSet:
-    """Follows one problem's stops; keeps release times and impacts."""
+    """The active set of one problem's stops, and its release times and impacts."""
 
     def __init__(self, problem: Problem, equations: Equations) -> None:
         self.problem = problem
@@ -62,10 +62,10 @@ class ActiveSet:
         self.releases: dict[str, float | None] = {stop.name: None for stop in problem.mechanism.stops}
         self.impacts: list[tuple[float, dict[str, float]]] = []
         """Time [s] and impulse of each stop that took part [N m s]."""
-        self._struck_at: dict[str, float] = {}
+        self._last_impact: dict[str, float] = {}
         self._restitution = {stop.name: stop.restitution for stop in problem.mechanism.stops}
 
-    def begin(self) -> Moment:
+    def begin(self) -> PostEventState:
         """The start: an impact if the start speeds drive into a closed stop, and no stop that would have to pull.
 
         Raises:
@@ -77,80 +77,84 @@ class ActiveSet:
         self._refuse_open_loops(q, u)
         touching = tuple(stop.name for stop in mechanism.stops if stop.closed)
         if np.any(self._gap_speeds(touching, q, u) < -_AT_REST):
-            u = self._struck(0.0, q, u, touching)
-        return self._settled(0.0, q, u, touching)
+            u = self._resolve_impact(0.0, q, u, touching)
+        return self._with_active_contacts(0.0, q, u, touching)
 
-    def watched(self, moment: Moment) -> tuple[Watch, ...]:
-        """What to look for after a moment."""
-        releases = tuple(Watch(name, closes=False) for name in moment.closed)
+    def event_functions(self, initial: PostEventState) -> tuple[EventFunction, ...]:
+        """Events to be located after a state."""
+        releases = tuple(EventFunction(name, closes=False) for name in initial.closed)
         if self.problem.stop_law is StopLaw.RELEASE_ONCE:
             return releases
-        return releases + tuple(Watch(name, closes=True) for name in self.releases if name not in moment.closed)
+        return releases + tuple(
+            EventFunction(name, closes=True) for name in self.releases if name not in initial.closed
+        )
 
-    def after(self, t: float, q: FloatArray, u: FloatArray, closed: Sequence[str], events: Sequence[Watch]) -> Moment:
+    def after(
+        self, t: float, q: FloatArray, u: FloatArray, closed: Sequence[str], events: Sequence[EventFunction]
+    ) -> PostEventState:
         """What follows from events at one instant.
 
         Args:
             t: when [s].
             q, u: the state before, shape (n_q,).
-            closed: stops that held until now.
-            events: what was found there; other stops that touch at the same instant are noticed here.
+            closed: stops that were active until now.
+            events: those located there; other stops that touch at the same instant are found here.
         """
         released = {event.stop for event in events if not event.closes}
         for name in released:
             self._note_release(name, t)
-        holding = tuple(name for name in closed if name not in released)
-        meeting = {event.stop for event in events if event.closes}
-        if not meeting:
-            return self._settled(t, q, u, holding)
-        meeting |= self._also_touching(t, q, closed)
-        touching = tuple(name for name in self.releases if name in holding or name in meeting)
-        return self._settled(t, q, self._struck(t, q, u, touching), touching)
+        still_closed = tuple(name for name in closed if name not in released)
+        closing = {event.stop for event in events if event.closes}
+        if not closing:
+            return self._with_active_contacts(t, q, u, still_closed)
+        closing |= self._also_touching(t, q, closed)
+        touching = tuple(name for name in self.releases if name in still_closed or name in closing)
+        return self._with_active_contacts(t, q, self._resolve_impact(t, q, u, touching), touching)
 
-    def _settled(self, t: float, q: FloatArray, u: FloatArray, touching: Sequence[str]) -> Moment:
-        """Of the touching stops, those that neither part nor would have to pull; the rest are released."""
+    def _with_active_contacts(self, t: float, q: FloatArray, u: FloatArray, touching: Sequence[str]) -> PostEventState:
+        """The state with those of the touching stops active that neither open nor would have to pull."""
         speeds = self._gap_speeds(touching, q, u)
         resting = tuple(name for name, speed in zip(touching, speeds, strict=True) if abs(speed) <= _AT_REST)
-        closed = pushing(self.equations, q, u, resting)
+        closed = active_contacts(self.equations, q, u, resting)
         for name in touching:
             if name not in closed:
                 self._note_release(name, t)
-        return Moment(t, q, u, closed)
+        return PostEventState(t, q, u, closed)
 
-    def _struck(self, t: float, q: FloatArray, u: FloatArray, touching: tuple[str, ...]) -> FloatArray:
+    def _resolve_impact(self, t: float, q: FloatArray, u: FloatArray, touching: tuple[str, ...]) -> FloatArray:
         speeds = self._gap_speeds(touching, q, u)
         restitution = np.array(
             [self._restitution[n] if v < -REST_SPEED else 0.0 for n, v in zip(touching, speeds, strict=True)]
         )
-        after, impulses = impact(self.equations, q, u, touching, restitution)
+        after, impulses = resolve_impact(self.equations, q, u, touching, restitution)
         self.impacts.append((t, impulses))
-        self._struck_at |= {name: t for name, impulse in impulses.items() if impulse > 0}
+        self._last_impact |= {name: t for name, impulse in impulses.items() if impulse > 0}
         return after
 
     def _also_touching(self, t: float, q: FloatArray, closed: Sequence[str]) -> set[str]:
-        """Open stops that an impact here must reckon with: it may drive the machine into them."""
+        """Open stops that take part in an impact here: it may drive the machine into them."""
         return {
             name
             for name in self.releases
             if name not in closed
             and (
                 abs(float(self.equations.kinematics.gap(name, q))) <= _TOUCHING
-                or t - self._struck_at.get(name, -np.inf) <= TOGETHER
+                or t - self._last_impact.get(name, -np.inf) <= TOGETHER
             )
         }
 
     def _gap_speeds(self, names: Sequence[str], q: FloatArray, u: FloatArray) -> FloatArray:
-        return gap_rows(self.equations, q, names) @ u
+        return gap_jacobian(self.equations, q, names) @ u
 
     def _note_release(self, name: str, t: float) -> None:
-        """The first opening counts: it is the one the throw depends on."""
+        """Only the first opening counts: the throw depends on it."""
         if self.releases[name] is None and self.problem.mechanism.stop(name).closed:
             self.releases[name] = t
 
     def _refuse_open_loops(self, q: FloatArray, u: FloatArray) -> None:
-        apart, speeds = self.equations.loop_residual(q), self.equations.constraint_jacobian(q, ()) @ u
-        if np.any(np.abs(apart) > _FITS) or np.any(np.abs(speeds) > _FITS):
-            worst = f"{np.abs(apart).max():.3g} m and {np.abs(speeds).max():.3g} m/s"
+        residual, speeds = self.equations.loop_residual(q), self.equations.constraint_jacobian(q, ()) @ u
+        if np.any(np.abs(residual) > _FITS) or np.any(np.abs(speeds) > _FITS):
+            worst = f"{np.abs(residual).max():.3g} m and {np.abs(speeds).max():.3g} m/s"
             names = ", ".join(joint.name for joint in self.problem.mechanism.loop_joints)
             raise InputError(
                 f"start does not fit the joints that close a loop ({names}): their points stand apart by up to {worst}."

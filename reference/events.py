@@ -1,8 +1,9 @@
-"""Finding releases and closings on a continuous piece of motion.
+"""Locating releases and closings on the dense output of a step.
 
-Both are roots of a function that starts at or above zero: a torque, or a gap. Inside each step the function is
-watched at a few points. A gap that has just opened starts at zero and may be back before the first of them, and one
-that grazes zero may dip below between two: its speed tells, and then the turning point is found first.
+Both are downward zero crossings of a function that starts at or above zero: a torque, or a gap. Inside each step the
+function is sampled at a few points. A gap that has just opened starts at zero and may be back before the first of
+them, and one that grazes zero may dip below between two: the sign of its speed shows it, and then the turning point is
+located first.
 """
 
 from __future__ import annotations
@@ -15,55 +16,57 @@ from scipy.integrate import DenseOutput
 from scipy.optimize import brentq
 
 from ..models.arrays import FloatArray
-from .active_set import Moment, Watch
+from .active_set import EventFunction, PostEventState
 from .equations import Equations
 
-_PROBES = np.linspace(0.0, 1.0, 6)  # where inside a step the functions are watched
+_PROBES = np.linspace(0.0, 1.0, 6)  # where inside a step the functions are sampled
 _SAME_TIME = 1e-13  # [s] events closer than this are one instant
-_ROUNDING = 1e-12  # [rad] a gap this little below zero is one that has just been at zero
+_ROUNDING = 1e-12  # [rad] a gap this little below zero has just been at zero
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something watched for, when it came [s] and the state there, shape (2 n_q,)."""
+    """A located zero crossing: of which function, when [s], and the state there, shape (2 n_q,)."""
 
-    watch: Watch
+    function: EventFunction
     t: float
     state: FloatArray
 
 
 class EventFinder:
-    """Looks for the first events after a moment, step by step."""
+    """Locates the first events after a state, step by step."""
 
-    def __init__(self, equations: Equations, moment: Moment, watched: tuple[Watch, ...]) -> None:
+    def __init__(self, equations: Equations, initial: PostEventState, functions: tuple[EventFunction, ...]) -> None:
         self.equations = equations
-        self.moment = moment
-        self.watched = watched
+        self.initial = initial
+        self.functions = functions
         self.n_q = len(equations.mechanism.coordinates)
 
     def first(self, piece: DenseOutput, t0: float, t1: float) -> list[Event]:
         """The earliest events between t0 and t1 [s], all of one instant; empty if there are none."""
-        if not self.watched:
+        if not self.functions:
             return []
         times = t0 + _PROBES * (t1 - t0)
         states = np.asarray(piece(times)).T
-        found: list[tuple[float, Watch]] = []
-        for watch in self.watched:
-            root = self._closing(watch, piece, times, states) if watch.closes else None
-            root = self._release(watch, piece, times, states) if not watch.closes else root
+        found: list[tuple[float, EventFunction]] = []
+        for function in self.functions:
+            root = self._closing(function, piece, times, states) if function.closes else None
+            root = self._release(function, piece, times, states) if not function.closes else root
             if root is not None:
-                found.append((root, watch))
+                found.append((root, function))
         if not found:
             return []
         earliest = min(t for t, _ in found)
         state = np.asarray(piece(earliest), dtype=np.float64)
-        return [Event(watch, earliest, state) for t, watch in found if t - earliest <= _SAME_TIME]
+        return [Event(function, earliest, state) for t, function in found if t - earliest <= _SAME_TIME]
 
-    def _release(self, watch: Watch, piece: DenseOutput, times: FloatArray, states: FloatArray) -> float | None:
+    def _release(
+        self, function: EventFunction, piece: DenseOutput, times: FloatArray, states: FloatArray
+    ) -> float | None:
         def torque(state: FloatArray) -> FloatArray:
             q, u = state[..., : self.n_q], state[..., self.n_q :]
-            column = self.equations.n_loops + self.moment.closed.index(watch.stop)
-            return self.equations.solve(q, u, self.moment.closed)[1][..., column]
+            column = self.equations.n_loops + self.initial.closed.index(function.stop)
+            return self.equations.solve(q, u, self.initial.closed)[1][..., column]
 
         values = torque(states)
         falls = np.flatnonzero((values[1:] < 0) & (values[:-1] >= 0))
@@ -72,14 +75,16 @@ class EventFinder:
         i = int(falls[0])
         return _root(lambda t: float(torque(np.asarray(piece(t)))), float(times[i]), float(times[i + 1]))
 
-    def _closing(self, watch: Watch, piece: DenseOutput, times: FloatArray, states: FloatArray) -> float | None:
+    def _closing(
+        self, function: EventFunction, piece: DenseOutput, times: FloatArray, states: FloatArray
+    ) -> float | None:
         kinematics, n = self.equations.kinematics, self.n_q
 
         def gap_at(state: FloatArray) -> FloatArray:
-            return kinematics.gap(watch.stop, state[..., :n])
+            return kinematics.gap(function.stop, state[..., :n])
 
         def speed_at(state: FloatArray) -> FloatArray:
-            return np.sum(kinematics.gap_jacobian(watch.stop, state[..., :n]) * state[..., n:], axis=-1)
+            return np.sum(kinematics.gap_jacobian(function.stop, state[..., :n]) * state[..., n:], axis=-1)
 
         def gap(t: float) -> float:
             return float(gap_at(np.asarray(piece(t))))
@@ -89,13 +94,15 @@ class EventFinder:
 
         gaps, speeds = gap_at(states), speed_at(states)
         for i in range(len(times) - 1):
-            root = _fall(gap, speed, (float(times[i]), float(times[i + 1])), gaps[i : i + 2], speeds[i : i + 2])
+            root = _downward_zero_crossing(
+                gap, speed, (float(times[i]), float(times[i + 1])), gaps[i : i + 2], speeds[i : i + 2]
+            )
             if root is not None:
                 return root
         return None
 
 
-def _fall(
+def _downward_zero_crossing(
     gap: Callable[[float], float],
     speed: Callable[[float], float],
     interval: tuple[float, float],

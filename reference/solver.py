@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from scipy.integrate import DOP853, DenseOutput, OdeSolution
@@ -13,13 +13,13 @@ from ..models.arrays import FloatArray
 from ..models.errors import InputError, SimulationError
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem, StopLaw
-from .active_set import ActiveSet, Moment, Watch
+from .active_set import ActiveSet, EventFunction, PostEventState
 from .equations import Equations
 from .events import Event, EventFinder
 from .solution import Segment, Solution
 
 _MAX_EVENTS = 10_000
-_LAUNCH_SPANS = (2.0, 5.5)  # natural times; Table I launches at 1.5
+_LAUNCH_SPANS = (2.0, 5.5)  # characteristic times; Table I launches at 1.5
 
 TOLERANCE = 3e-14
 """Just above the least SciPy takes (100 machine epsilons): energy then holds to some 1e-13 between the steps, too."""
@@ -40,7 +40,7 @@ def solve(problem: Problem, rtol: float = TOLERANCE, atol: float = TOLERANCE) ->
     return _Integration(problem, rtol, atol).run()
 
 
-def natural_time(mechanism: Mechanism) -> float:
+def characteristic_time(mechanism: Mechanism) -> float:
     """The machine's own time scale, sqrt(reach / g) [s], reach being the sum of its links' lengths.
 
     A link is as long as its farthest point that has a name or a mass: a balanced arm's centre is close to its pin.
@@ -57,19 +57,34 @@ def natural_time(mechanism: Mechanism) -> float:
     return math.sqrt(max(reach, 1e-6) / mechanism.gravity)
 
 
+def solve_until(
+    mechanism: Mechanism,
+    durations: Iterable[float],
+    done: Callable[[Solution], bool],
+    stop_law: StopLaw = StopLaw.RELEASE_ONCE,
+) -> Solution:
+    """Solve for each duration [s] in turn until `done` says that the solution is long enough; else the last one."""
+    solution: Solution | None = None
+    for duration in durations:
+        solution = solve(Problem(mechanism, duration=duration, stop_law=stop_law))
+        if done(solution):
+            break
+    if solution is None:
+        raise InputError("durations is empty; at least one is needed.")
+    return solution
+
+
 def solve_to_launch(mechanism: Mechanism, stop_law: StopLaw = StopLaw.RELEASE_ONCE) -> Solution:
-    """Solve for as long as the launch takes, and a little longer; at most some five natural times.
+    """Solve for as long as the launch takes, and a little longer; at most some five characteristic times.
 
     `Solution.launch` is None if it does not come by then.
     """
-    scale = natural_time(mechanism)
-    solution = solve(Problem(mechanism, duration=_LAUNCH_SPANS[0] * scale, stop_law=stop_law))
-    for spans in _LAUNCH_SPANS[1:]:
-        launch = solution.launch
-        if launch is not None and launch.time < 0.9 * solution.segments[-1].end:
-            break
-        solution = solve(Problem(mechanism, duration=spans * scale, stop_law=stop_law))
-    return solution
+    scale = characteristic_time(mechanism)
+
+    def launched(solution: Solution) -> bool:
+        return solution.launch is not None and solution.launch.time < 0.9 * solution.segments[-1].end
+
+    return solve_until(mechanism, (spans * scale for spans in _LAUNCH_SPANS), launched, stop_law)
 
 
 class _Integration:
@@ -82,19 +97,19 @@ class _Integration:
 
     def run(self) -> Solution:
         started = time.perf_counter()
-        moment = self.active_set.begin()
+        initial = self.active_set.begin()
         segments: list[Segment] = []
-        met = 0
-        while moment.t < self.problem.duration:
-            segment, events = self._segment(moment)
-            met += len(events)
-            if met > _MAX_EVENTS:
-                raise SimulationError(f"the reference met more than {_MAX_EVENTS} events by t = {moment.t:.6g} s.")
+        n_events = 0
+        while initial.t < self.problem.duration:
+            segment, events = self._segment(initial)
+            n_events += len(events)
+            if n_events > _MAX_EVENTS:
+                raise SimulationError(f"the reference met more than {_MAX_EVENTS} events by t = {initial.t:.6g} s.")
             if segment.end > segment.start or not events:
                 segments.append(segment)
             if not events:
                 break
-            moment = self._after(events, moment)
+            initial = self._after(events, initial)
         return Solution(
             problem=self.problem,
             equations=self.equations,
@@ -106,18 +121,18 @@ class _Integration:
             wall_time=time.perf_counter() - started,
         )
 
-    def _segment(self, moment: Moment) -> tuple[Segment, list[Event]]:
+    def _segment(self, initial: PostEventState) -> tuple[Segment, list[Event]]:
         """Integrate under one active set, to its first events or to the end."""
         stepper = DOP853(
-            self._right_hand_side(moment.closed),
-            moment.t,
-            np.concatenate([moment.q, moment.u]),
+            self._right_hand_side(initial.closed),
+            initial.t,
+            np.concatenate([initial.q, initial.u]),
             self.problem.duration,
             rtol=self.tolerances["rtol"],
             atol=self.tolerances["atol"],
         )
-        finder = EventFinder(self.equations, moment, self.active_set.watched(moment))
-        times, pieces = [moment.t], list[DenseOutput]()
+        finder = EventFinder(self.equations, initial, self.active_set.event_functions(initial))
+        times, pieces = [initial.t], list[DenseOutput]()
         events: list[Event] = []
         while stepper.status == "running" and not events:
             message = stepper.step()
@@ -131,7 +146,7 @@ class _Integration:
         if len(pieces) > 1 and times[-1] <= times[-2]:  # the event fell on the step's very start
             times.pop()
             pieces.pop()
-        return Segment(moment.closed, moment.t, times[-1], OdeSolution(np.array(times), pieces)), events
+        return Segment(initial.closed, initial.t, times[-1], OdeSolution(np.array(times), pieces)), events
 
     def _right_hand_side(self, closed: tuple[str, ...]) -> Callable[[float, FloatArray], FloatArray]:
         n_q, equations = len(self.problem.mechanism.coordinates), self.equations
@@ -141,7 +156,7 @@ class _Integration:
 
         return rates
 
-    def _after(self, events: list[Event], before: Moment) -> Moment:
+    def _after(self, events: list[Event], before: PostEventState) -> PostEventState:
         n_q, state = len(self.problem.mechanism.coordinates), events[0].state
-        watches: list[Watch] = [event.watch for event in events]
-        return self.active_set.after(events[0].t, state[:n_q].copy(), state[n_q:].copy(), before.closed, watches)
+        functions: list[EventFunction] = [event.function for event in events]
+        return self.active_set.after(events[0].t, state[:n_q].copy(), state[n_q:].copy(), before.closed, functions)

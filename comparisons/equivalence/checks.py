@@ -20,7 +20,7 @@ from ...models.arrays import FloatArray
 from ...models.errors import EngineNotInstalledError, SimulationError, UnsupportedProblemError
 from ...models.mechanism import Mechanism
 from ...reference.equations import Equations
-from ...reference.solver import natural_time
+from ...reference.solver import characteristic_time
 from ..runs.results import Check, Equality
 from .random_states import random_states
 
@@ -227,7 +227,7 @@ def _difference_tolerance(mechanism: Mechanism, states: Sequence[State], found: 
     if found.differences is None:
         return EXACT, _EXACT_REASON
     step, order = found.differences.step, found.differences.order
-    time = natural_time(mechanism)
+    time = characteristic_time(mechanism)
     rate = max(float(np.abs(state.u).max()) for state in states) + 1.0 / time
     rounding = _EPS * (time / step) ** 2
     tolerance = max(EXACT, _COEFFICIENT * ((step * rate) ** order + rounding))

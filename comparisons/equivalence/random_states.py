@@ -10,8 +10,8 @@ import numpy as np
 from ...engines.inspection import State
 from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism
+from ...reference.contact import active_contacts
 from ...reference.equations import Equations
-from ...reference.stops import pushing
 
 _SPREAD = 0.5  # [rad or m] of the coordinates about the start
 _SPEED = 1.0  # [rad/s or m/s]
@@ -50,14 +50,14 @@ def _start(equations: Equations) -> State:
     q = np.array(mechanism.start)
     u = np.array(mechanism.start_speeds or [0.0] * len(q))
     touching = tuple(stop.name for stop in mechanism.stops if stop.closed)
-    return State(q, u, pushing(equations, q, u, touching))
+    return State(q, u, active_contacts(equations, q, u, touching))
 
 
 def _state(equations: Equations, touching: tuple[str, ...], random: np.random.Generator) -> State | None:
     """A state in which exactly these stops are closed and push; else one with fewer; None if there is none."""
     fallback: State | None = None
     for q, u in _draws(equations, touching, random):
-        if pushing(equations, q, u, touching) == touching:
+        if active_contacts(equations, q, u, touching) == touching:
             return State(q, u, touching)
         if fallback is None and touching:
             fallback = _state(equations, touching[:-1], random)

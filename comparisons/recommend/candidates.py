@@ -15,8 +15,8 @@ from ...engines.protocol import Engine
 from ...engines.registry import engine, engine_class
 
 RUNGS = 8
-# Of the machine's natural time. At twice this step even the best sets are not yet in the range where their errors
-# follow the order, and one machine says little of another.
+# Of the machine's characteristic time. At twice this step even the best sets are not yet in the range where their
+# errors follow the order, and one machine says little of another.
 _LONGEST = 1 / 150
 
 
@@ -107,13 +107,13 @@ def option_sets(name: str) -> tuple[OptionSet, ...]:
     return tuple(OptionSet(preset, f"its preset {preset!r}", preset) for preset in sorted(presets))
 
 
-def ladder(natural_time: float) -> tuple[float, ...]:
+def ladder(characteristic_time: float) -> tuple[float, ...]:
     """Time steps of 1, 2 and 5 times a power of ten, downwards [s].
 
     Args:
-        natural_time: of the machine [s]; a small machine moves quickly.
+        characteristic_time: of the machine [s]; a small machine moves quickly.
     """
-    longest = natural_time * _LONGEST
+    longest = characteristic_time * _LONGEST
     exponent = math.floor(math.log10(longest))
     first = max(factor for factor in (1, 2, 5) if factor * 10.0**exponent <= longest * (1 + 1e-12))
     steps: list[float] = []

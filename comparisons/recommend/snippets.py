@@ -13,12 +13,12 @@ from jinja2 import Environment, StrictUndefined
 from ...engines.mujoco.engine import MujocoEngine
 from ...engines.registry import engine
 from ...models.mechanism import Mechanism
-from ...reference.solver import natural_time
+from ...reference.solver import characteristic_time
 
 COMMAND, PYTHON = "trebucheck on the command line", "trebucheck in Python"
 MJCF, MUJOCO_PYTHON = "MJCF", "MuJoCo in Python"
 PYMUNK_PYTHON, EXUDYN_PYTHON = "pymunk in Python", "Exudyn in Python"
-_TO_A_LAUNCH = 2.0  # natural times: most launches come by then
+_TO_A_LAUNCH = 2.0  # characteristic times: most launches come by then
 
 
 def snippets(
@@ -89,7 +89,7 @@ def _pymunk(settings: Any, _: Mechanism) -> dict[str, str]:
 
 
 def _exudyn(settings: Any, mechanism: Mechanism) -> dict[str, str]:
-    end = float(f"{_TO_A_LAUNCH * natural_time(mechanism):.3g}")
+    end = float(f"{_TO_A_LAUNCH * characteristic_time(mechanism):.3g}")
     points = bool(mechanism.point_stops)
     return {EXUDYN_PYTHON: _filled("exudyn.py.j2", options=settings, end=end, points=points)}
 

@@ -12,7 +12,7 @@ from ...models.errors import InputError, TrebucheckError
 from ...models.machines.registry import parameters_type
 from ...models.mechanism import Mechanism
 from ...models.spec import Spec
-from ...reference.solver import natural_time
+from ...reference.solver import characteristic_time
 from ..runs.study import Counter, Study
 from ..runs.trials import Trial, Trials
 from . import neighbours as around
@@ -115,7 +115,7 @@ def _advice(name: str, sets: tuple[OptionSet, ...], family: _Family, count: Coun
     if not sets:
         return EngineAdvice(engine=name, engine_version=version, choice=None, message=f"{name} is not installed here.")
     mechanism = family.places[0].trials.mechanism
-    follower = Follower(name, family.places, ladder(natural_time(mechanism)))
+    follower = Follower(name, family.places, ladder(characteristic_time(mechanism)))
     courses: list[Course] = []
     for options in reversed(sets):  # the most accurate first: what the others may cost follows from it
         count.start(f"{name}: {options.name}")

@@ -11,7 +11,7 @@ from ...comparisons.runs.worker import Worker
 from ...engines.registry import engine
 from ...models.mechanism import Mechanism
 from ...models.trajectory import Trajectory
-from ...reference.certification.quantities import BEYOND_LAUNCH, Plan, figures
+from ...reference.certification.quantities import BEYOND_LAUNCH, Plan, read_quantities
 from ...reference.throw.flight import fly, range_rate
 from ..results import EngineValue
 from ..sampled import SampledMotion
@@ -47,7 +47,11 @@ def confirmed(engines: Sequence[str], found: FirstSweep, worker: Worker | None) 
 
 def _read(run: Trajectory) -> dict[str, float]:
     motion, mechanism = SampledMotion(run), run.mechanism
-    return {key.name: value for key, value in figures(motion, _plan(mechanism, motion)).items() if key.name in FIGURES}
+    return {
+        key.name: value
+        for key, value in read_quantities(motion, _plan(mechanism, motion)).items()
+        if key.name in FIGURES
+    }
 
 
 def _plan(mechanism: Mechanism, motion: SampledMotion) -> Plan:

@@ -18,14 +18,14 @@ from ...models.machines.trebuchet import ARM_STOP, COUNTERWEIGHT, PROJECTILE, SL
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ...reference.solution import Solution
-from ...reference.solver import natural_time, solve
+from ...reference.solver import characteristic_time, solve
 from ...reference.taylor.solve import solve_taylor
 from ...reference.throw.flight import Release, Surroundings, fall_time, fly
 from ...reference.throw.release import Projectile
 from ..machines.energy import available_energy
 from .results import Reading, Throwing
 
-_SPANS = (1.9, 3.0)  # longest motions looked at, in natural times; Table I's rolling machine has swept after 1.5
+_SPANS = (1.9, 3.0)  # longest motions looked at, in characteristic times; Table I's rolling machine has swept after 1.5
 _SCAN = 1000  # instants looked at from the sling's release on: some 2 ms apart on Table I
 _DEGREE = 10  # of interpolants over two such intervals, in which a throw changes by a tenth: to rounding
 _REAL = 1e-9  # [s] imaginary part of a root that is rounding
@@ -71,9 +71,9 @@ class FirstSweep:
 def first_sweep(mechanism: Mechanism, solver: Solver = quick) -> FirstSweep | None:
     """The first sweep of a machine; None where it is no throw.
 
-    It is one where the sling's rest opens, the velocity comes down to 45 degrees within three natural times, the speed
-    has its largest value inside the sweep and not at an end of it, a release flies forward to the fulcrum's height,
-    and the arm does not come to its stop before any of these instants.
+    It is one where the sling's rest opens, the velocity comes down to 45 degrees within three characteristic times, the
+    speed has its largest value inside the sweep and not at an end of it, a release flies forward to the fulcrum's
+    height, and the arm does not come to its stop before any of these instants.
     """
     try:
         scanned = _scanned(mechanism, solver)
@@ -134,7 +134,7 @@ def _scanned(mechanism: Mechanism, solver: Solver) -> _Scanned | None:
     A short sling may whirl the projectile over without its ever pointing down: then to the end of the shortest motion
     in which it is launched.
     """
-    scale, launched = natural_time(mechanism), None
+    scale, launched = characteristic_time(mechanism), None
     for spans in _SPANS:
         projectile = Projectile(solver(Problem(mechanism, duration=spans * scale)))
         if projectile.solution.release_times[SLING_REST] is None:

@@ -17,19 +17,19 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ...reference.perturbed import solve_scheduled
 from ...reference.solution import Solution
-from ...reference.solver import natural_time, solve
+from ...reference.solver import characteristic_time, solve
 from ...reference.taylor.solve import launch_batch
 from .rigid_swing import Whole
 
 SPANS = 2.5
-"""How long a launch is looked for, in the machine's natural times: Table I launches after 1.5 of them."""
+"""How long a launch is looked for, in the machine's characteristic times: Table I launches after 1.5 of them."""
 _WATCHED = 600  # times at which torques are watched: some 7 ms apart on Table I
 _DOP853 = 1e-12  # local error where heyoka is not installed: its batch's own default
 
 
 def release_once(mechanisms: Sequence[Mechanism]) -> tuple[FloatArray, FloatArray]:
     """Times [s] and speeds [m/s] of the launches under the release-once law, NaN where there is none; each (n,)."""
-    duration = SPANS * max(natural_time(mechanism) for mechanism in mechanisms)
+    duration = SPANS * max(characteristic_time(mechanism) for mechanism in mechanisms)
     if importlib.util.find_spec("heyoka") is not None:
         found = launch_batch(mechanisms, duration)
         return found.time, found.speed
@@ -50,7 +50,7 @@ def bilateral(whole: Whole) -> Solution:
         SimulationError: the integrator gave up.
     """
     mechanism = whole.mechanism
-    problem = Problem(mechanism, duration=SPANS * natural_time(mechanism))
+    problem = Problem(mechanism, duration=SPANS * characteristic_time(mechanism))
     releases: dict[str, float | None] = {stop.name: None for stop in mechanism.stops if stop.closed}
     zeros = ((time, name) for name in releases for time in whole.zeros(name) if time < problem.duration)
     now, first = min(zeros, default=(0.0, None))

@@ -36,9 +36,9 @@ from ...models.machines.registry import model
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ..solution import Solution
-from ..solver import solve
+from ..solver import solve, solve_until
 from .certificate import Certificate, Computation, Figure
-from .quantities import BEYOND_LAUNCH, Key, Motion, Plan, PointState, figures, plan
+from .quantities import BEYOND_LAUNCH, Key, Motion, Plan, PointState, plan, read_quantities
 from .redundant import solve_redundant
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ Progress = Callable[[str, int, int], None]
 
 
 class MinimalMotion:
-    """The suite's own reference, read figure by figure (:class:`.quantities.Motion`)."""
+    """The suite's own reference, read quantity by quantity (:class:`.quantities.Motion`)."""
 
     def __init__(self, solution: Solution) -> None:
         self.solution = solution
@@ -229,13 +229,12 @@ def _judged(found: Mapping[str, Values], computations: Sequence[Computation]) ->
 
 def _problem(mechanism: Mechanism) -> tuple[Problem, Plan]:
     """To just past the launch; or to the first horizon, for a machine that does not launch."""
-    for horizon in _SEARCH:
-        motion = MinimalMotion(solve(Problem(mechanism, duration=horizon)))
-        if motion.launch is not None:
-            duration = motion.launch.time + BEYOND_LAUNCH + _MARGIN
-            return Problem(mechanism, duration=duration), plan(mechanism, motion, motion.launch.time)
-    motion = MinimalMotion(solve(Problem(mechanism, duration=_SEARCH[0])))
-    return Problem(mechanism, duration=_SEARCH[0]), plan(mechanism, motion, _SEARCH[0])
+    solution = solve_until(mechanism, _SEARCH, lambda solution: solution.launch is not None)
+    motion, launch = MinimalMotion(solution), solution.launch
+    if launch is None:
+        return Problem(mechanism, duration=_SEARCH[0]), plan(mechanism, motion, _SEARCH[0])
+    duration = launch.time + BEYOND_LAUNCH + _MARGIN
+    return Problem(mechanism, duration=duration), plan(mechanism, motion, launch.time)
 
 
 def _tasks(
@@ -269,7 +268,7 @@ def _ladder(
             tolerance=tolerance,
             independent=tolerance == ladder[-1],
         )
-        yield _Task(computation, lambda tolerance=tolerance: figures(run(tolerance), wanted))
+        yield _Task(computation, lambda tolerance=tolerance: read_quantities(run(tolerance), wanted))
 
 
 def _paper_task(
@@ -290,9 +289,9 @@ def _paper_task(
     )
 
     def compute() -> Values:
-        from .paper_motion import solve_paper  # SymPy takes most of a second to import
+        from .paper import solve_paper  # SymPy takes most of a second to import
 
-        return figures(solve_paper(chosen, mechanism.name == "rolling", problem.duration, tolerance), wanted)
+        return read_quantities(solve_paper(chosen, mechanism.name == "rolling", problem.duration, tolerance), wanted)
 
     return _Task(computation, compute, optional=True)
 
@@ -315,10 +314,10 @@ def _taylor_tasks(problem: Problem, wanted: Plan) -> Iterator[_Task | str]:
 
 
 def _taylor_values(problem: Problem, wanted: Plan, precision: Precision) -> Values:
-    from ..taylor.solve import solve_taylor, taylor_figures  # heyoka takes a second to import
+    from ..taylor.solve import solve_taylor, taylor_quantities  # heyoka takes a second to import
 
-    read = figures(MinimalMotion(solve_taylor(problem, precision=precision)), wanted)
-    own = taylor_figures(problem, precision)  # located and evaluated on the series itself, in its own precision
+    read = read_quantities(MinimalMotion(solve_taylor(problem, precision=precision)), wanted)
+    own = taylor_quantities(problem, precision)  # located and evaluated on the series itself, in its own precision
     direct: dict[tuple[str, str | None, str], Any] = {
         ("launch_time", None, ""): own.launch_time,
         ("launch_speed", None, ""): own.launch_speed,

@@ -1,4 +1,4 @@
-"""The figures of a motion that a certificate holds, read the same way from every computation."""
+"""The quantities of a motion that a certificate holds, read the same way from every computation."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Motion(Protocol):
 
 
 class Key(NamedTuple):
-    """What a figure is of."""
+    """Which quantity a figure is of."""
 
     name: str
     subject: str | None
@@ -65,7 +65,7 @@ class Key(NamedTuple):
 
 @dataclass(frozen=True)
 class Plan:
-    """Which figures a machine has: decided once, so that every computation is asked the same."""
+    """Which quantities a machine has: decided once, so that every computation is asked the same."""
 
     mechanism: Mechanism
     releases: tuple[str, ...]
@@ -76,7 +76,7 @@ class Plan:
 
 
 def plan(mechanism: Mechanism, motion: Motion, end: float) -> Plan:
-    """Figures for a machine whose motion is known well enough to say which there are.
+    """Quantities of a machine whose motion is known well enough to say which there are.
 
     Args:
         end: of the certified motion, the launch or the duration [s].
@@ -88,8 +88,8 @@ def plan(mechanism: Mechanism, motion: Motion, end: float) -> Plan:
     return Plan(mechanism, tuple(times), halfway, grid, motion.launch is not None)
 
 
-def figures(motion: Motion, wanted: Plan) -> dict[Key, float]:
-    """All figures of the plan."""
+def read_quantities(motion: Motion, wanted: Plan) -> dict[Key, float]:
+    """All quantities of the plan."""
     parts = [_start, _releases, _torques, _grid]
     if wanted.launches:
         parts += [_launch, _rightmost, _best_release, _largest_ratio]

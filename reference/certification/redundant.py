@@ -27,7 +27,7 @@ from ...models.launch import LAUNCH_ANGLE, Launch
 from ...models.mechanism import GROUND, Body, Mechanism, PinJoint, PointStop, SlotJoint, Stop
 from ...models.problem import Problem, StopLaw
 from ...models.spec import Vector
-from .held import HeldMotion, march
+from .constrained import ConstrainedMotion, integrate
 from .quantities import PointState
 
 _PROJECTIONS = 3  # Newton converges in one from the rounding of a step; the start may need another
@@ -47,7 +47,7 @@ class RedundantSystem:
     """A mechanism with three coordinates a body; states are y = (x, v), shape (6 n_bodies,).
 
     `x` runs body by body: centre x, centre y, angle. Constraint rows: joints in the mechanism's order (two for a
-    pin, one for a slot), then the held stops.
+    pin, one for a slot), then the active stops.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -79,29 +79,29 @@ class RedundantSystem:
             x[i : i + 2], v[i : i + 2] = place - arm, speed - v[i + 2] * turn
         return np.concatenate([x, v])
 
-    def rates(self, y: FloatArray, held: tuple[str, ...]) -> FloatArray:
-        """dy/dt under the joints and the held stops."""
-        return np.concatenate([y[self.n :], self._solve(y, held)[: self.n]])
+    def rates(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
+        """dy/dt under the joints and the active stops."""
+        return np.concatenate([y[self.n :], self._solve(y, active)[: self.n]])
 
-    def torques(self, y: FloatArray, held: tuple[str, ...]) -> FloatArray:
-        """Torques of the held stops [N m], in their order."""
-        return self._solve(y, held)[self.n + len(self._fixed) :]
+    def torques(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
+        """Torques of the active stops [N m], in their order."""
+        return self._solve(y, active)[self.n + len(self._fixed) :]
 
-    def gap_accelerations(self, y: FloatArray, held: tuple[str, ...], of: tuple[str, ...]) -> FloatArray:
-        """Second derivatives of gaps [rad/s^2 or m/s^2] while `held` are held."""
-        x, v, a = y[: self.n], y[self.n :], self._solve(y, held)[: self.n]
+    def gap_accelerations(self, y: FloatArray, active: tuple[str, ...], of: tuple[str, ...]) -> FloatArray:
+        """Second derivatives of gaps [rad/s^2 or m/s^2] while `active` are active."""
+        x, v, a = y[: self.n], y[self.n :], self._solve(y, active)[: self.n]
         return np.array([self._stop_row(x, name) @ a - self._inward(x, v, name) for name in of])
 
-    def projected(self, y: FloatArray, held: tuple[str, ...]) -> FloatArray:
+    def projected(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
         """The nearest state, in the mass metric, that fulfils constraints and their rates to rounding."""
         x, v = y[: self.n].copy(), y[self.n :]
         nothing = np.zeros(self.n)
         for _ in range(_PROJECTIONS):
-            error = np.concatenate([self.joint_errors(x), [self.gap(x, name) for name in held]])
-            x += self._kkt(self._jacobian(x, held), nothing, -error)[: self.n]
+            error = np.concatenate([self.joint_errors(x), [self.gap(x, name) for name in active]])
+            x += self._kkt(self._jacobian(x, active), nothing, -error)[: self.n]
             if np.abs(error).max(initial=0.0) < 1e-12:
                 break
-        jacobian = self._jacobian(x, held)
+        jacobian = self._jacobian(x, active)
         return np.concatenate([x, v + self._kkt(jacobian, nothing, -jacobian @ v)[: self.n]])
 
     def joint_errors(self, x: FloatArray) -> FloatArray:
@@ -149,9 +149,9 @@ class RedundantSystem:
         x, v = y[: self.n], y[self.n :]
         return float(v @ self._mass @ v) / 2 - float(self._weight @ x)
 
-    def reactions(self, y: FloatArray, held: tuple[str, ...]) -> dict[str, FloatArray]:
+    def reactions(self, y: FloatArray, active: tuple[str, ...]) -> dict[str, FloatArray]:
         """Force of each joint on its child, world frame [N], (2,): the multipliers themselves."""
-        multipliers = self._solve(y, held)[self.n :]
+        multipliers = self._solve(y, active)[self.n :]
         forces: dict[str, FloatArray] = {}
         row = 0
         for joint in self.mechanism.joints:
@@ -246,11 +246,11 @@ class RedundantSystem:
         place, _ = self._point(x, x, joint.child, joint.child_point)
         return float(np.dot(joint.axis, place - np.array(joint.parent_point)))
 
-    def _jacobian(self, x: FloatArray, held: tuple[str, ...]) -> FloatArray:
+    def _jacobian(self, x: FloatArray, active: tuple[str, ...]) -> FloatArray:
         _, turns = self._arms(x)
         joints = self._straight.copy()
         np.add.at(joints, (self._rows, self._angles), np.sum(self._directions * turns, axis=1))
-        return np.vstack([joints, *(self._stop_row(x, name) for name in held)])
+        return np.vstack([joints, *(self._stop_row(x, name) for name in active)])
 
     def _kkt(self, jacobian: FloatArray, forces: FloatArray, right: FloatArray) -> FloatArray:
         n, m = self.n, len(jacobian)
@@ -258,13 +258,13 @@ class RedundantSystem:
         matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = self._mass, -jacobian.T, jacobian
         return np.asarray(np.linalg.solve(matrix, np.concatenate([forces, right])), dtype=np.float64)
 
-    def _solve(self, y: FloatArray, held: tuple[str, ...]) -> FloatArray:
+    def _solve(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
         """Accelerations, then multipliers."""
         x, v = y[: self.n], y[self.n :]
         arms, _ = self._arms(x)
         inward = np.sum(self._directions * arms, axis=1) * v[self._angles] ** 2  # minus gamma, anchor by anchor
-        right = np.concatenate([self._gather @ inward, [self._inward(x, v, name) for name in held]])
-        return self._kkt(self._jacobian(x, held), self._weight, right)
+        right = np.concatenate([self._gather @ inward, [self._inward(x, v, name) for name in active]])
+        return self._kkt(self._jacobian(x, active), self._weight, right)
 
 
 @dataclass(frozen=True)
@@ -272,46 +272,46 @@ class RedundantMotion:
     """A motion in redundant coordinates, read in the mechanism's own; times are single floats [s]."""
 
     system: RedundantSystem
-    held: HeldMotion
+    motion: ConstrainedMotion
 
     @property
     def release_times(self) -> Mapping[str, float | None]:
         """When each stop opened [s]; None if it did not, or was never closed."""
         stops = self.system.mechanism.stops
-        return {stop.name: self.held.release_times.get(stop.name) for stop in stops}
+        return {stop.name: self.motion.release_times.get(stop.name) for stop in stops}
 
     def energy(self, t: float) -> float:
         """Total energy [J], zero of potential at y = 0."""
-        return self.system.energy(self.held.state(t))
+        return self.system.energy(self.motion.state(t))
 
     def state(self, t: float) -> tuple[FloatArray, FloatArray]:
         """Q and u of the mechanism at t, each of shape (n_q,) [rad, m, rad/s, m/s]."""
-        y = self.held.state(t)
+        y = self.motion.state(t)
         return self.system.coordinates(y[: self.system.n]), self.system.speeds(y)
 
     def accelerations(self, t: float) -> FloatArray:
         """Of the redundant coordinates, shape (3 n_bodies,)."""
-        return self.system.rates(self.held.state(t), self.held.active(t))[self.system.n :]
+        return self.system.rates(self.motion.state(t), self.motion.active(t))[self.system.n :]
 
     def marker(self, name: str, t: float) -> PointState:
         """Position [m], velocity [m/s] and acceleration [m/s^2] of a marker, each (2,)."""
         found = next(marker for marker in self.system.mechanism.markers if marker.name == name)
-        return self.system.point(self.held.state(t), self.accelerations(t), found.body, found.point)
+        return self.system.point(self.motion.state(t), self.accelerations(t), found.body, found.point)
 
     def stop_torques(self, t: float) -> dict[str, float]:
         """Torque of every stop [N m]; 0 where it is open."""
-        held = self.held.active(t)
-        torques = self.system.torques(self.held.state(t), held)
-        return dict.fromkeys(self.release_times, 0.0) | dict(zip(held, torques.tolist(), strict=True))
+        active = self.motion.active(t)
+        torques = self.system.torques(self.motion.state(t), active)
+        return dict.fromkeys(self.release_times, 0.0) | dict(zip(active, torques.tolist(), strict=True))
 
     def joint_reactions(self, t: float) -> dict[str, FloatArray]:
         """Force of each joint on its child, world frame [N], (2,)."""
-        return self.system.reactions(self.held.state(t), self.held.active(t))
+        return self.system.reactions(self.motion.state(t), self.motion.active(t))
 
     def drift(self, t: float) -> float:
-        """Largest error of a joint [m] or held gap [rad] on the dense output, before any projection."""
-        x = self.held.raw_state(t)[: self.system.n]
-        gaps = [abs(self.system.gap(x, name)) for name in self.held.active(t)]
+        """Largest error of a joint [m] or active gap [rad] on the dense output, before any projection."""
+        x = self.motion.raw_state(t)[: self.system.n]
+        gaps = [abs(self.system.gap(x, name)) for name in self.motion.active(t)]
         return max([float(np.abs(self.system.joint_errors(x)).max()), *gaps])
 
     @property
@@ -332,10 +332,12 @@ class RedundantMotion:
         def velocity(y: FloatArray) -> FloatArray:
             return self.system.point(y, none, found.body, found.point)[1]
 
-        time = self.held.first_fall(lambda y: _across(velocity(y)), lambda y: velocity(y).sum() > 0, after)
+        time = self.motion.first_downward_crossing(
+            lambda y: _across(velocity(y)), lambda y: velocity(y).sum() > 0, after
+        )
         if time is None:
             return None
-        vx, vy = velocity(self.held.state(time)).tolist()
+        vx, vy = velocity(self.motion.state(time)).tolist()
         return Launch(time, float(np.hypot(vx, vy)), (vx, vy))
 
 
@@ -360,4 +362,4 @@ def solve_redundant(problem: Problem, tolerance: float = 3e-14) -> RedundantMoti
     if problem.stop_law is not StopLaw.RELEASE_ONCE:
         raise UnsupportedProblemError("the redundant formulation follows the release-once law of a stop only.")
     system = RedundantSystem(problem.mechanism)
-    return RedundantMotion(system, march(system, problem.duration, tolerance))
+    return RedundantMotion(system, integrate(system, problem.duration, tolerance))

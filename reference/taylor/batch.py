@@ -21,8 +21,7 @@ from ...models.problem import Problem
 from ..active_set import ActiveSet
 from ..equations import Equations
 from .machine import PROJECTILE, Structure, numbers_of, relevant_stops, structure_of
-from .pool import batch_pool, torque_function
-from .system import heyoka
+from .system import batch_pool, heyoka, torque_function
 
 _AT_ONCE = 1e-9  # [s] from rest no projectile turns down through the launch direction this early
 BATCH_TOLERANCE = 1e-12
@@ -126,20 +125,20 @@ class _Machines:
         self.rests = np.array([first.mechanism.stop(name).body == body for name in self.stops], dtype=bool)
 
     def _begin(self) -> None:
-        """Hold all that touches; machines for which that is not all there is to it are begun one by one."""
-        held = self.structure.held
-        self.parameters[held] = 1.0
+        """All touching stops active; machines where some would have to pull, or with start speeds, one by one."""
+        active = self.structure.active
+        self.parameters[active] = 1.0
         plain = np.ones(len(self.problems), dtype=bool)
         if self.stops:
             function = torque_function(self.structure, np.float64)
-            plain = np.all(function(self.states, pars=self.parameters[: held.stop]) >= 0, axis=0)
+            plain = np.all(function(self.states, pars=self.parameters[: active.stop]) >= 0, axis=0)
         if self.structure.n_loops or any(problem.mechanism.start_speeds for problem in self.problems):
             plain[:] = False
         for i in np.flatnonzero(~plain).tolist():
-            moment = ActiveSet(self.problems[i], Equations(self.problems[i].mechanism)).begin()
-            self.states[:, i] = np.concatenate([moment.q, moment.u])
-            self.released_at_start[i] = [name not in moment.closed for name in self.stops]
-        self.parameters[held] = ~self.released_at_start.T
+            initial = ActiveSet(self.problems[i], Equations(self.problems[i].mechanism)).begin()
+            self.states[:, i] = np.concatenate([initial.q, initial.u])
+            self.released_at_start[i] = [name not in initial.closed for name in self.stops]
+        self.parameters[active] = ~self.released_at_start.T
 
     def velocity(self, i: int, state: FloatArray) -> FloatArray:
         """Of the projectile of machine i [m/s], shape (2,)."""
@@ -201,8 +200,8 @@ class _Lanes:
         self.integrator.reset_cooldowns(lane)
 
     def _look_for_launch(self, lane: int) -> None:
-        held = self.pars[self.structure.held, lane] > 0
-        self.pars[self.structure.launch, lane] = float(not np.any(held & self.machines.rests))
+        active = self.pars[self.structure.active, lane] > 0
+        self.pars[self.structure.launch, lane] = float(not np.any(active & self.machines.rests))
 
     def _event(self, lane: int, outcome: int) -> None:
         stop = -outcome - 1
@@ -214,15 +213,15 @@ class _Lanes:
             self._load(lane)
 
     def _release(self, lane: int, stop: int) -> None:
-        held = self.structure.held
+        active = self.structure.active
         opened = np.zeros(len(self.machines.stops), dtype=bool)
         opened[stop] = True
         while np.any(opened):  # stops that would have to pull now open at the same instant
             self.releases[self.machine[lane], opened] = self.integrator.time[lane]
-            self.pars[held, lane][opened] = 0.0
-            if not np.any(self.pars[held, lane]):
+            self.pars[active, lane][opened] = 0.0
+            if not np.any(self.pars[active, lane]):
                 break
-            pars = self.pars[: held.stop, lane].copy()
+            pars = self.pars[: active.stop, lane].copy()
             opened = torque_function(self.structure, np.float64)(self.state[:-1, lane].copy(), pars=pars) < 0
         self._look_for_launch(lane)
 

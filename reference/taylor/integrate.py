@@ -1,4 +1,4 @@
-"""One problem's way through its events, by heyoka's adaptive Taylor integrator."""
+"""The integration of one problem through its events, by heyoka's adaptive Taylor integrator."""
 
 from __future__ import annotations
 
@@ -13,12 +13,11 @@ from ...models.errors import InputError, SimulationError
 from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Marker
 from ...models.problem import Problem
-from ..active_set import ActiveSet, Moment, Watch
+from ..active_set import ActiveSet, EventFunction, PostEventState
 from ..equations import Equations
 from ..solution import Segment
 from .machine import PROJECTILE, Real, RealType, numbers_of, relevant_stops, structure_of
-from .pool import scalar_pool, torque_function
-from .system import heyoka
+from .system import heyoka, scalar_pool, torque_function
 
 Precision = Literal["double", "extended"]
 
@@ -29,7 +28,7 @@ _AT_ONCE = 1e-9  # [s] from rest no projectile turns down through the launch dir
 _ROUNDING = 1e-12  # [rad] a gap this little off zero may be zero
 _STANDING = 1e-9  # [rad/s] a gap speed below this is rounding
 _CLEAR = 1e-13  # [rad] a gap this wide is clearly open
-_DRIFT = 1e-10  # [rad] as far below zero a gap may get while it is held, or by a rebound too small to be followed
+_DRIFT = 1e-10  # [rad] how far below zero a gap may be: an active stop, or a rebound too small to be followed
 _OPENING = 1e-4  # [s] by then a gap that opens with the cube of time is some 1e-12 rad wide
 
 
@@ -67,8 +66,8 @@ class _Dense:
         return states
 
 
-class March:
-    """One problem's way through its events."""
+class Integration:
+    """The integration of one problem through its events."""
 
     def __init__(self, problem: Problem, tolerance: float | None, precision: str) -> None:
         self.real = _real_of(precision)
@@ -89,27 +88,27 @@ class March:
         self.steps = self.order = 0
         self.begun = self.active_set.begin()
 
-    def march(self, record: bool = False, to_launch: bool = False) -> None:
+    def integrate(self, record: bool = False, to_launch: bool = False) -> None:
         """Integrate to the end, or to the launch."""
         with scalar_pool(self.structure, self.tolerance, self.real).lend() as integrator:
-            moment, met = self.begun, 0
-            self._prepare(integrator, moment)
-            while moment.t < self.problem.duration:
-                self._switch(integrator, moment, to_launch)
-                watch = self._segment(integrator, moment, record)
-                if watch is None:
+            initial, n_events = self.begun, 0
+            self._prepare(integrator, initial)
+            while initial.t < self.problem.duration:
+                self._switch(integrator, initial, to_launch)
+                function = self._segment(integrator, initial, record)
+                if function is None:
                     break
-                moment = self._after(integrator, moment, watch)
-                met += 1
-                if met > _MAX_EVENTS:
-                    raise SimulationError(f"the reference met more than {_MAX_EVENTS} events by t = {moment.t:.6g} s.")
+                initial = self._after(integrator, initial, function)
+                n_events += 1
+                if n_events > _MAX_EVENTS:
+                    raise SimulationError(f"the reference met more than {_MAX_EVENTS} events by t = {initial.t:.6g} s.")
 
     def start_torques(self) -> dict[str, np.floating[Any]]:
         """Torque of every stop at the start [N m]."""
         torques: dict[str, np.floating[Any]] = {name: self.real(0) for name in self.active_set.releases}
         if self.stops:
             state = np.concatenate([self.begun.q, self.begun.u]).astype(self.real)
-            parameters = self._parameters(self.begun)[: self.structure.held.stop]
+            parameters = self._parameters(self.begun)[: self.structure.active.stop]
             values = torque_function(self.structure, self.real)(state, pars=parameters)
             torques |= dict(zip(self.stops, values, strict=True))
         return torques
@@ -120,51 +119,51 @@ class March:
         row = self.kinematics.point(marker.body, marker.point)
         return cast("Real", self.kinematics.velocity(row, cast("FloatArray", q), cast("FloatArray", u)))
 
-    def _parameters(self, moment: Moment) -> Real:
+    def _parameters(self, initial: PostEventState) -> Real:
         structure = self.structure
         parameters = np.zeros(structure.n_parameters, dtype=self.real)
         parameters[: structure.n_numbers] = self.numbers
-        parameters[structure.held] = [name in moment.closed for name in self.stops]
-        watched = {watch.stop for watch in self.active_set.watched(moment) if watch.closes}
+        parameters[structure.active] = [name in initial.closed for name in self.stops]
+        watched = {function.stop for function in self.active_set.event_functions(initial) if function.closes}
         if structure.closes:
             parameters[structure.watched] = [name in watched for name in self.stops]
         return parameters
 
-    def _prepare(self, integrator: Any, moment: Moment) -> None:
-        integrator.time = self.real(moment.t)
-        integrator.state[:] = np.concatenate([moment.q, moment.u, [0.0]])
+    def _prepare(self, integrator: Any, initial: PostEventState) -> None:
+        integrator.time = self.real(initial.t)
+        integrator.state[:] = np.concatenate([initial.q, initial.u, [0.0]])
         self.order = int(integrator.order)
         self._note_releases(integrator)
 
-    def _switch(self, integrator: Any, moment: Moment, to_launch: bool) -> None:
-        integrator.pars[:] = self._parameters(moment)
+    def _switch(self, integrator: Any, initial: PostEventState, to_launch: bool) -> None:
+        integrator.pars[:] = self._parameters(initial)
         if self.structure.throws:
-            integrator.pars[self.structure.launch] = float(to_launch and self._is_free(moment))
+            integrator.pars[self.structure.launch] = float(to_launch and self._is_free(initial))
         if integrator.with_events:
             integrator.reset_cooldowns()
 
-    def _is_free(self, moment: Moment) -> bool:
+    def _is_free(self, initial: PostEventState) -> bool:
         """Whether the projectile's body rests on no stop."""
         if self.marker is None:
             return False
-        return all(self.problem.mechanism.stop(name).body != self.marker.body for name in moment.closed)
+        return all(self.problem.mechanism.stop(name).body != self.marker.body for name in initial.closed)
 
-    def _segment(self, integrator: Any, moment: Moment, record: bool) -> Watch | None:
+    def _segment(self, integrator: Any, initial: PostEventState, record: bool) -> EventFunction | None:
         """Integrate under one active set, to its first event; None at the end or the launch."""
-        standing = self._closes_at_once(moment)
+        standing = self._closes_at_once(initial)
         if standing is not None:
             return standing
-        index = self._while_opening(integrator, moment, record)
+        index = self._while_opening(integrator, initial, record)
         if index is not None and index < len(self.stops):
-            return self._watch(moment, index)
+            return self._event_function(initial, index)
         while True:
-            index = self._piece(integrator, moment, self.problem.duration, record)
+            index = self._step_to_event(integrator, initial, self.problem.duration, record)
             if index is None or (index == len(self.stops) and self._is_launch(integrator)):
                 return None
             if index < len(self.stops):
-                return self._watch(moment, index)
+                return self._event_function(initial, index)
 
-    def _piece(self, integrator: Any, moment: Moment, until: float, record: bool) -> int | None:
+    def _step_to_event(self, integrator: Any, initial: PostEventState, until: float, record: bool) -> int | None:
         """Integrate to the first function that falls through zero, and say which; None if there is none until then."""
         start = float(integrator.time)
         result = integrator.propagate_until(self.real(until), c_output=record)
@@ -172,31 +171,31 @@ class March:
         index = self._event(integrator, int(result[0]))
         end = until if index is None else float(integrator.time)
         if record and end > start:
-            self._record(moment, start, end, result[4])
+            self._record(initial, start, end, result[4])
         return index
 
-    def _record(self, moment: Moment, start: float, end: float, output: Any) -> None:
+    def _record(self, initial: PostEventState, start: float, end: float, output: Any) -> None:
         last = self.segments[-1] if self.segments else None
-        if last is not None and start > moment.t:  # the same active set goes on
+        if last is not None and start > initial.t:  # the same active set goes on
             dense = cast("_Dense", last.interpolant)
             dense.add(start, output)
-            self.segments[-1] = Segment(moment.closed, last.start, end, last.interpolant)
+            self.segments[-1] = Segment(initial.closed, last.start, end, last.interpolant)
         else:
             dense = _Dense(start, output, self.real)
-            self.segments.append(Segment(moment.closed, start, end, cast("Any", dense)))
+            self.segments.append(Segment(initial.closed, start, end, cast("Any", dense)))
 
-    def _while_opening(self, integrator: Any, moment: Moment, record: bool) -> int | None:
-        """Stretches in which gaps that open from zero are not looked at, only whether they are open at the end.
+    def _while_opening(self, integrator: Any, initial: PostEventState, record: bool) -> int | None:
+        """Integrate intervals at whose ends alone gaps that open from zero are checked.
 
         Such a gap begins with a root (a triple one after a release) amid rounding, which no root finder resolves. One
-        that stands still at zero is looked at after ever longer stretches.
+        that stands still at zero is checked after ever longer intervals.
         """
-        waiting = self._opening(moment)
+        waiting = self._opening(initial)
         watched = integrator.pars[self.structure.watched]
         watched[list(waiting)] = 0.0
-        while waiting and moment.t < self.problem.duration:
+        while waiting and initial.t < self.problem.duration:
             k = min(waiting, key=lambda stop: waiting[stop])
-            index = self._piece(integrator, moment, min(moment.t + waiting[k], self.problem.duration), record)
+            index = self._step_to_event(integrator, initial, min(initial.t + waiting[k], self.problem.duration), record)
             if index is not None:
                 return index
             gap, speed = self._gap(self.stops[k], np.array(integrator.state, dtype=np.float64))
@@ -209,18 +208,18 @@ class March:
                 return k
         return None
 
-    def _opening(self, moment: Moment) -> dict[int, float]:
+    def _opening(self, initial: PostEventState) -> dict[int, float]:
         """Open stops whose gap is zero within rounding, and how long each takes to be clearly open, or shut [s]."""
-        state = np.concatenate([moment.q, moment.u])
-        gaps = {w.stop: self._gap(w.stop, state) for w in self.active_set.watched(moment) if w.closes}
+        state = np.concatenate([initial.q, initial.u])
+        gaps = {w.stop: self._gap(w.stop, state) for w in self.active_set.event_functions(initial) if w.closes}
         opening = {stop: (gap, v) for stop, (gap, v) in gaps.items() if -_DRIFT <= gap <= _ROUNDING}
         if not opening:
             return {}
-        a = self.equations.solve(moment.q, moment.u, moment.closed)[0]
+        a = self.equations.solve(initial.q, initial.u, initial.closed)[0]
         found: dict[int, float] = {}
         for stop, (gap, speed) in opening.items():
             acceleration = float(
-                self.kinematics.gap_jacobian(stop, moment.q) @ a + self.kinematics.gap_bias(stop, moment.q, moment.u)
+                self.kinematics.gap_jacobian(stop, initial.q) @ a + self.kinematics.gap_bias(stop, initial.q, initial.u)
             )
             found[self.stops.index(stop)] = _time_to_clear(_CLEAR + max(-gap, 0.0), speed, acceleration)
         return found
@@ -237,17 +236,17 @@ class March:
             raise SimulationError(f"the reference's motion is not finite after t = {float(integrator.time):.6g} s.")
         return None if outcome == limit else -outcome - 1
 
-    def _watch(self, moment: Moment, index: int) -> Watch:
+    def _event_function(self, initial: PostEventState, index: int) -> EventFunction:
         stop = self.stops[index]
-        return Watch(stop, closes=stop not in moment.closed)
+        return EventFunction(stop, closes=stop not in initial.closed)
 
-    def _closes_at_once(self, moment: Moment) -> Watch | None:
+    def _closes_at_once(self, initial: PostEventState) -> EventFunction | None:
         """A gap that is zero, or a rounding below, on its way down: it never falls through zero from above."""
-        state = np.concatenate([moment.q, moment.u])
-        for watch in self.active_set.watched(moment):
-            gap, speed = self._gap(watch.stop, state)
-            if watch.closes and -_DRIFT <= gap <= 0 and speed < -_STANDING:
-                return watch
+        state = np.concatenate([initial.q, initial.u])
+        for function in self.active_set.event_functions(initial):
+            gap, speed = self._gap(function.stop, state)
+            if function.closes and -_DRIFT <= gap <= 0 and speed < -_STANDING:
+                return function
         return None
 
     def _is_launch(self, integrator: Any) -> bool:
@@ -260,14 +259,14 @@ class March:
         self.launched = State(self.real(integrator.time), q, u)
         return True
 
-    def _after(self, integrator: Any, before: Moment, watch: Watch) -> Moment:
+    def _after(self, integrator: Any, before: PostEventState, function: EventFunction) -> PostEventState:
         """Let the active set decide, in doubles; the integrator keeps its own precision but for an impact's jump."""
         state = np.array(integrator.state, dtype=np.float64)
         q, u = state[: self.n_q], state[self.n_q : 2 * self.n_q]
-        moment = self.active_set.after(float(integrator.time), q, u, before.closed, [watch])
-        integrator.state[self.n_q : 2 * self.n_q] += moment.u - u
+        initial = self.active_set.after(float(integrator.time), q, u, before.closed, [function])
+        integrator.state[self.n_q : 2 * self.n_q] += initial.u - u
         self._note_releases(integrator)
-        return moment
+        return initial
 
     def _note_releases(self, integrator: Any) -> None:
         for name, released in self.active_set.releases.items():

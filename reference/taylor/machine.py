@@ -83,14 +83,14 @@ class Structure:
         return sum(self.present)
 
     @property
-    def held(self) -> slice:
-        """Parameters that say whether a stop is held (1) or free (0)."""
+    def active(self) -> slice:
+        """Parameters that say whether a stop is active (1) or free (0)."""
         return slice(self.n_numbers, self.n_numbers + self.n_stops)
 
     @property
     def watched(self) -> slice:
         """Parameters that say whether a stop's closing is looked for."""
-        return slice(self.held.stop, self.held.stop + self.closes * self.n_stops)
+        return slice(self.active.stop, self.active.stop + self.closes * self.n_stops)
 
     @property
     def launch(self) -> int:

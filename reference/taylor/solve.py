@@ -19,17 +19,17 @@ from ...models.launch import Launch
 from ...models.problem import Problem
 from ..solution import Solution
 from .batch import BatchLaunches, launch_batch
-from .integrate import March, Precision
+from .integrate import Integration, Precision
 from .machine import Real
 
 __all__ = [
     "BatchLaunches",
     "Precision",
-    "TaylorFigures",
+    "TaylorQuantities",
     "launch_batch",
     "solve_taylor",
-    "taylor_figures",
     "taylor_launch",
+    "taylor_quantities",
 ]
 
 
@@ -51,8 +51,8 @@ def solve_taylor(problem: Problem, tolerance: float | None = None, precision: Pr
         SimulationError: the motion left the finite numbers, or there are more than ten thousand events.
     """
     started = time.perf_counter()
-    run = March(problem, tolerance, precision)
-    run.march(record=True)
+    run = Integration(problem, tolerance, precision)
+    run.integrate(record=True)
     return Solution(
         problem=problem,
         equations=run.equations,
@@ -66,7 +66,7 @@ def solve_taylor(problem: Problem, tolerance: float | None = None, precision: Pr
 
 
 @dataclass(frozen=True)
-class TaylorFigures:
+class TaylorQuantities:
     """A throw's figures in the precision they were computed in (`numpy.longdouble` for "extended")."""
 
     precision: Precision
@@ -86,9 +86,9 @@ class TaylorFigures:
     """Shape (n_q,) [rad/s or m/s]."""
 
 
-def taylor_figures(
+def taylor_quantities(
     problem: Problem, precision: Precision = "extended", tolerance: float | None = None
-) -> TaylorFigures:
+) -> TaylorQuantities:
     """From the start to the launch, both releases and the launch located on the Taylor polynomials.
 
     Args:
@@ -99,11 +99,11 @@ def taylor_figures(
     Raises:
         EngineNotInstalledError, InputError, SimulationError: as :func:`solve_taylor`.
     """
-    run = March(problem, tolerance, precision)
-    run.march(to_launch=True)
+    run = Integration(problem, tolerance, precision)
+    run.integrate(to_launch=True)
     found = run.launched
     velocity = None if found is None else run.projectile_velocity(found.q, found.u)
-    return TaylorFigures(
+    return TaylorQuantities(
         precision=precision,
         release_times=run.release_times,
         start_torques=run.start_torques(),
@@ -121,8 +121,8 @@ def taylor_launch(problem: Problem, tolerance: float | None = None) -> Launch | 
     Raises:
         EngineNotInstalledError, InputError, SimulationError: as :func:`solve_taylor`.
     """
-    run = March(problem, tolerance, "double")
-    run.march(to_launch=True)
+    run = Integration(problem, tolerance, "double")
+    run.integrate(to_launch=True)
     if run.launched is None:
         return None
     vx, vy = (float(v) for v in run.projectile_velocity(run.launched.q, run.launched.u))

@@ -1,27 +1,31 @@
 r"""The equations of motion and the events as heyoka expressions, and their compilation.
 
 One compiled integrator serves every machine of a structure and every active set: the numbers are runtime
-parameters, and a stop is switched by a parameter h, 1 held and 0 free, in the symmetric system
+parameters, and a stop is switched by a parameter h, 1 active and 0 free, in the symmetric system
 
     [ M      (hG)^T    ] [   a  ]   [    f   ]
     [ hG   -diag(1-h)  ] [ -lam ] = [ -gamma ],      f = Q - b,
 
-whose row of a free stop reads lam = 0 (loops of joints are always held; gamma of a stop on angles is 0). M is positive
-definite and what elimination leaves of the constraints is negative definite, so that L D L^T needs no pivoting
+whose row of a free stop reads lam = 0 (loops of joints are always active; gamma of a stop on angles is 0). M is
+positive definite and what elimination leaves of the constraints is negative definite, so that L D L^T needs no pivoting
 (symmetric quasidefinite matrices: Vanderbei, SIAM J. Optim. 5 (1995) 100).
 """
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterable, Sequence
-from functools import cached_property
+from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import contextmanager
+from copy import deepcopy
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
 from ...models.errors import EngineNotInstalledError
-from .machine import Structure
+from .machine import RealType, Structure
+
+_KEPT = 32  # compiled systems; one takes about a megabyte and a second
 
 _Wave = tuple[Any, Any]
 """Re and Im of z e^{i phase} as expressions; None where zero by structure."""
@@ -80,11 +84,11 @@ class TaylorSystem:
         """Falls through zero at an event: one for each stop (1 where nothing is looked for), then the launch."""
         functions: list[Any] = []
         for k, torque in enumerate(self.torques):
-            held = self._par(self.structure.held.start + k)
-            function = held * torque + (1.0 - held)
+            active = self._par(self.structure.active.start + k)
+            function = active * torque + (1.0 - active)
             if self.structure.closes:
                 watched = self._par(self.structure.watched.start + k)
-                function = held * torque + watched * self._gap(k) + (1.0 - held - watched)
+                function = active * torque + watched * self._gap(k) + (1.0 - active - watched)
             functions.append(function)
         if self.structure.throws:
             wanted = self._par(self.structure.launch)
@@ -165,26 +169,26 @@ class TaylorSystem:
                 bias.append(_times(imaginary, self._squares[j]) if j < s.n_angles else None)
             right.append(_sum(bias))  # -gamma
         for k, gap_row in enumerate(s.gap_rows):
-            row, held = s.n_q + s.n_loops + k, self._par(s.held.start + k)
-            _put(matrix, row, row, held - 1.0)
+            row, active = s.n_q + s.n_loops + k, self._par(s.active.start + k)
+            _put(matrix, row, row, active - 1.0)
             if gap_row is None:
-                right.append(self._hold_point(matrix, row, s.point_stops.index(k), held))
+                right.append(self._hold_point(matrix, row, s.point_stops.index(k), active))
                 continue
             for j, sense in enumerate(gap_row):
-                _put(matrix, row, j, {1: held, -1: -held, 0: None}[sense])
+                _put(matrix, row, j, {1: active, -1: -active, 0: None}[sense])
             right.append(None)
         # Outer bodies first: a tree then fills in nothing. Slides couple all bodies and come after them.
         order = [*reversed(range(s.n_angles)), *range(s.n_angles, len(right))]
         return solve_ldl(matrix, right, order)
 
-    def _hold_point(self, matrix: dict[tuple[int, int], Any], row: int, point: int, held: Any) -> Any:
+    def _hold_point(self, matrix: dict[tuple[int, int], Any], row: int, point: int, active: Any) -> Any:
         """Put a point stop's gradient into its row; what belongs on the right, -gamma."""
         bias: list[Any] = []
         for j in range(self.structure.n_q):
             real, imaginary = self._wave("points", (point, j), j)
-            _put(matrix, row, j, _times(held, real))
+            _put(matrix, row, j, _times(active, real))
             bias.append(_times(imaginary, self._squares[j]) if j < self.structure.n_angles else None)
-        return _times(held, _sum(bias))
+        return _times(active, _sum(bias))
 
     def _mass_and_forces(self) -> tuple[dict[tuple[int, int], Any], list[Any]]:
         s = self.structure
@@ -241,3 +245,56 @@ def solve_ldl(matrix: dict[tuple[int, int], Any], right: Sequence[Any], order: S
         x[k] = _sum([b[k], *rest])
         x[k] = None if x[k] is None else x[k] / a[k, k]
     return [x[k] if x[k] is not None else 0.0 for k in range(len(right))]
+
+
+class _Pool:
+    """Integrators of one kind that are not in use: lending is re-entrant and safe between threads."""
+
+    def __init__(self, make: Callable[[], Any]) -> None:
+        self._prototype = make()
+        self._idle: list[Any] = []
+
+    @contextmanager
+    def lend(self) -> Generator[Any, None, None]:
+        try:
+            integrator = self._idle.pop()
+        except IndexError:
+            integrator = deepcopy(self._prototype)  # a millisecond; compiling takes a second
+        yield integrator
+        self._idle.append(integrator)  # not after an error: its state is then unknown
+
+
+@lru_cache(_KEPT)
+def scalar_pool(structure: Structure, tolerance: float, real: RealType) -> _Pool:
+    """Integrators of one machine at a time, with the system's events as terminal ones."""
+
+    def make() -> Any:
+        hy, system = heyoka(), TaylorSystem(structure)
+        falls = hy.event_direction.negative
+        events = [hy.t_event(function, direction=falls, fp_type=real) for function in system.events]
+        state = np.zeros(structure.n_states, dtype=real)
+        pars = np.ones(structure.n_parameters, dtype=real)
+        return hy.taylor_adaptive(system.rates, state, pars=pars, t_events=events, tol=real(tolerance), fp_type=real)
+
+    return _Pool(make)
+
+
+@lru_cache(_KEPT)
+def batch_pool(structure: Structure, tolerance: float, lanes: int) -> _Pool:
+    """Integrators of several machines at once, in the lanes of the processor's vectors."""
+
+    def make() -> Any:
+        hy, system = heyoka(), TaylorSystem(structure)
+        falls = hy.event_direction.negative
+        events = [hy.t_event_batch(function, direction=falls) for function in system.events]
+        state, pars = np.zeros((structure.n_states, lanes)), np.ones((structure.n_parameters, lanes))
+        return hy.taylor_adaptive_batch(system.rates, state, pars=pars, t_events=events, tol=tolerance)
+
+    return _Pool(make)
+
+
+@lru_cache(_KEPT)
+def torque_function(structure: Structure, real: RealType) -> Any:
+    """Stop torques: f(state, pars=...), shapes (2 n_q,) or (2 n_q, n); the parameters end with the active switches."""
+    hy, system = heyoka(), TaylorSystem(structure)
+    return hy.cfunc(system.torques, [*system.q, *system.u], fp_type=real)

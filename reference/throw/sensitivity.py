@@ -2,14 +2,15 @@
 
 Forward variational equations (Hairer, Norsett and Wanner, Solving ODEs I, Sec. I.14) are integrated with the motion,
 from one release to the next. Nothing is differenced: the equations of motion are differentiated by hand
-(:mod:`.sensitivity_equations`), event and launch times by the implicit function theorem, the flight in closed form.
+(:mod:`.variational`), event and launch times by the implicit function theorem, the flight in closed form.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.integrate import DOP853
@@ -23,11 +24,13 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ..solution import Solution
 from ..solver import solve, solve_to_launch
-from .sensitivity_data import Direction, parameter_directions
-from .sensitivity_equations import VariationalEquations
+from .variational import Direction, VariationalEquations, numbers
 
 TOLERANCE = 1e-13
 """Local error bound of the tangents: identities then hold to some 1e-10, at half the cost of the solver's own."""
+
+_STEP = 1e-200  # of the complex step: its square is far below the smallest float, so nothing is truncated
+_SAME = 1e-14  # relative: the two formulas may round differently, by a few units in the last place
 
 
 @dataclass(frozen=True)
@@ -97,7 +100,7 @@ def sensitivities(
     Args:
         build: `fixed` or `rolling`, or a function that makes the same machines.
         parameters: Table I where left out.
-        duration: how long the machine has to launch [s]; some five of its natural times if left out.
+        duration: how long the machine has to launch [s]; some five of its characteristic times if left out.
 
     Raises:
         InputError: the machine does not launch within the duration, or `build` makes another machine.
@@ -278,3 +281,71 @@ def _landing(
     # y + vy T - g T^2 / 2 = 0 differentiated; vy - g T = -fall.
     d_time = (d_position[:, 1] + time * d_velocity[:, 1] - time * time / 2 * d_gravity) / fall
     return float(x + vx * time), d_position[:, 0] + time * d_velocity[:, 0] + vx * d_time
+
+
+def whipper_numbers(p: Mapping[str, Any]) -> dict[str, Any]:
+    """The numbers of the whipper that depend on its parameters, as `models/trebuchet.py` has them.
+
+    Plain arithmetic, so that it can be followed by a complex step, which validated descriptions cannot. Checked
+    against the machine itself on each use, and in the tests.
+
+    Args:
+        p: values of the fields of `TrebuchetParameters`, real or complex.
+    """
+    return {
+        "bodies.arm.mass": p["m_a"],
+        "bodies.arm.centre.0": (p["l1"] - p["l2"]) / 2,
+        "bodies.arm.inertia": p["m_a"] * (p["l1"] + p["l2"]) ** 2 / 12,
+        "bodies.sling.mass": p["m_b"],
+        "bodies.sling.centre.0": p["r"],
+        "bodies.hanger.mass": p["m_cw"],
+        "bodies.hanger.centre.0": p["h"],
+        "joints.sling pin.parent_point.0": p["l1"],
+        "joints.hanger pin.parent_point.0": -p["l2"],
+        "stops.hanger rest.limit": p["theta0"] - p["alpha0"],
+        "stops.sling rest.limit": p["phi0"] - p["theta0"],
+        "markers.projectile.point.0": p["r"],
+        "markers.counterweight.point.0": p["h"],
+        "markers.arm centre.point.0": (p["l1"] - p["l2"]) / 2,
+        "gravity": p["g"],
+        "start.0": p["theta0"],
+        "start.1": p["phi0"],
+        "start.2": p["alpha0"],
+    }
+
+
+def parameter_directions(
+    build: Callable[[TrebuchetParameters], Mechanism], parameters: TrebuchetParameters
+) -> dict[str, Direction]:
+    """How the machine's numbers change with each field of the parameters: exact, by a complex step.
+
+    f(p + i h) = f(p) + i h f'(p) + O(h^2) (Squire and Trapp, SIAM Review 40 (1998) 110-112): no difference is taken,
+    so h can be so small that only rounding is left.
+
+    Raises:
+        InputError: `build` does not make a whipper, or makes its numbers otherwise than `models/trebuchet.py`.
+    """
+    values = {name: float(getattr(parameters, name)) for name in TrebuchetParameters.model_fields}
+    _refuse_another_machine(build, parameters)
+    directions: dict[str, Direction] = {}
+    for name in values:
+        stepped = whipper_numbers({k: complex(v, _STEP * (k == name)) for k, v in values.items()})
+        directions[name] = {k: complex(v).imag / _STEP for k, v in stepped.items()}
+    return directions
+
+
+def _refuse_another_machine(build: Callable[[TrebuchetParameters], Mechanism], parameters: TrebuchetParameters) -> None:
+    """Compare all numbers here and at a second set of parameters, which shows what depends on them."""
+    values = {name: float(getattr(parameters, name)) for name in TrebuchetParameters.model_fields}
+    other = {name: value * 1.01 + 0.001 * (i + 1) for i, (name, value) in enumerate(values.items())}
+    first = numbers(build(parameters))
+    second = numbers(build(parameters.model_copy(update=other)))
+    for found, at in ((first, values), (second, other)):
+        expected = first | whipper_numbers(at)
+        for name in expected | found:
+            a, b = found.get(name), expected.get(name)
+            if a is None or b is None or abs(a - b) > _SAME * max(1.0, abs(a), abs(b)):
+                raise InputError(
+                    f"build makes {name} = {a!r} where the whipper trebuchet has {b!r}; sensitivities to its "
+                    "parameters are known for the fixed and the rolling machine."
+                )

@@ -13,10 +13,9 @@ from pydantic import Field
 from ...models.errors import InputError
 from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism, PinJoint, SlotJoint
-from ...models.problem import Problem
 from ...models.spec import NonNegative, Positive, Real, Spec
 from ..solution import Solution
-from ..solver import natural_time, solve
+from ..solver import characteristic_time, solve_until
 from .flight import Air, Flight, Surroundings, fly, world
 from .members import Interval, MemberForce, SupportForce, carries, member_forces, support_forces, supports
 from .release import Projectile
@@ -215,17 +214,13 @@ def _placed(
 
 def _swing(mechanism: Mechanism, release_time: float | None) -> Projectile:
     """Solved until the projectile's first sweep is over and the release time is past, if they come soon enough."""
-    scale = natural_time(mechanism)
-    projectile = _moved(mechanism, _SPANS[0] * scale)
-    for spans in _SPANS[1:]:
-        if projectile.sweep()[1] < projectile.end and not (release_time or 0.0) > projectile.end:
-            break
-        projectile = _moved(mechanism, spans * scale)
-    return projectile
+    scale = characteristic_time(mechanism)
 
+    def complete(solution: Solution) -> bool:
+        projectile = Projectile(solution)
+        return projectile.sweep()[1] < projectile.end and not (release_time or 0.0) > projectile.end
 
-def _moved(mechanism: Mechanism, duration: float) -> Projectile:
-    return Projectile(solve(Problem(mechanism, duration=min(duration, 1000.0))))
+    return Projectile(solve_until(mechanism, (min(spans * scale, 1000.0) for spans in _SPANS), complete))
 
 
 def _surroundings(projectile: Projectile, air: Air, height: float) -> Surroundings:

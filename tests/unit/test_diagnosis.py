@@ -21,9 +21,9 @@ from trebucheck.comparisons.equivalence.checks import EXACT, equality
 from trebucheck.comparisons.equivalence.random_states import random_states
 from trebucheck.comparisons.runs.results import Cause, Diagnosis, Outcome, Run
 from trebucheck.models.machines.trebuchet import parameters_of
+from trebucheck.reference.contact import active_contacts
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
-from trebucheck.reference.stops import pushing
 
 Build = Callable[..., tb.Mechanism]
 
@@ -52,7 +52,7 @@ def test_states_are_where_they_should_be(build: Build) -> None:
                 assert abs(gap) < 1e-13 and abs(speed) < 1e-13  # rounding of angles up to ten
             else:
                 assert gap > 0
-        assert pushing(equations, state.q, state.u, state.closed) == state.closed
+        assert active_contacts(equations, state.q, state.u, state.closed) == state.closed
 
 
 @settings(max_examples=10)

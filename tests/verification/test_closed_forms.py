@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mechanisms import hanging_bob, slider_crank
 from scipy.special import ellipk
-from trebucheck.reference.complementarity import solve_lcp
+from trebucheck.reference.contact import solve_lcp
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
 

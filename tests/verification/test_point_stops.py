@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mechanisms import G, floor, hanging_bob
 from trebucheck.reference.certification.redundant import solve_redundant
 from trebucheck.reference.solver import solve
-from trebucheck.reference.throw.sensitivity_equations import VariationalEquations
+from trebucheck.reference.throw.variational import VariationalEquations
 
 LENGTH, MASS = 3.0, 7.0
 

@@ -17,9 +17,15 @@ from mechanisms import slider_crank
 from scipy.linalg import null_space
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
-from trebucheck.reference.throw.sensitivity import Sensitivities, marker_tangent, sensitivities, state_tangent
-from trebucheck.reference.throw.sensitivity_data import numbers, parameter_directions, whipper_numbers
-from trebucheck.reference.throw.sensitivity_equations import VariationalEquations
+from trebucheck.reference.throw.sensitivity import (
+    Sensitivities,
+    marker_tangent,
+    parameter_directions,
+    sensitivities,
+    state_tangent,
+    whipper_numbers,
+)
+from trebucheck.reference.throw.variational import VariationalEquations, numbers
 
 pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
 

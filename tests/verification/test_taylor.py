@@ -19,7 +19,7 @@ from hypothesis import given
 from mechanisms import angle_stop, hanging_bob, slider_crank
 from scipy.special import ellipk
 from trebucheck.reference.solver import solve
-from trebucheck.reference.taylor.solve import launch_batch, solve_taylor, taylor_figures, taylor_launch
+from trebucheck.reference.taylor.solve import launch_batch, solve_taylor, taylor_launch, taylor_quantities
 
 pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
 
@@ -72,7 +72,7 @@ def test_energy_is_kept_to_rounding(build: Build) -> None:
 @given(parameters=machine_parameters())
 def test_random_machines_agree_with_dop853(build: Build, parameters: tb.TrebuchetParameters) -> None:
     problem = tb.Problem(build(parameters), duration=4.0)
-    figures, dop853 = taylor_figures(problem, "double"), solve(problem)
+    figures, dop853 = taylor_quantities(problem, "double"), solve(problem)
     # A projectile that never leaves its rest is not launched.
     launch = dop853.launch if dop853.release_times["sling rest"] is not None else None
     assert (launch is None) == (figures.launch_time is None)
@@ -92,7 +92,7 @@ def test_random_machines_agree_with_dop853(build: Build, parameters: tb.Trebuche
 )
 def test_extended_precision_confirms_the_double_one() -> None:
     problem = tb.Problem(tb.fixed(), duration=3.0)
-    double, extended = (taylor_figures(problem, precision) for precision in ("double", "extended"))
+    double, extended = (taylor_quantities(problem, precision) for precision in ("double", "extended"))
     assert isinstance(extended.launch_time, np.longdouble)
     # Forty steps of a few roundings each; were "extended" computed in doubles, the two would be equal.
     assert 0 < abs(extended.launch_time - double.launch_time) < 40 * np.finfo(np.float64).eps * 10
@@ -178,7 +178,7 @@ def test_a_batch_is_its_machines_one_by_one(build: Build) -> None:
     assert not batch.launched[-1] and np.isnan(batch.time[-1]) and np.isnan(batch.speed[-1])
     assert batch.launched[:-2].all()
     for i, machine in enumerate(machines):
-        figures = taylor_figures(tb.Problem(machine, duration=3.5), "double", tolerance=1e-12)
+        figures = taylor_quantities(tb.Problem(machine, duration=3.5), "double", tolerance=1e-12)
         assert batch.launched[i] == (figures.launch_time is not None)
         for name, released in figures.release_times.items():
             expected = math.nan if released is None else float(released)

@@ -1,7 +1,7 @@
-"""A march under held stops, for the independent formulations: each stop is held until its torque falls to zero.
+"""Integration under active contacts, for the independent formulations: a stop is active until its torque is zero.
 
-Written apart from :mod:`..solver`, which has events of its own; what is integrated here says only how its state
-moves and what its stops carry (:class:`HeldSystem`). Release-once law.
+Independent of :mod:`..solver`, its event location and its contact problem, on purpose; the system that is integrated
+gives only its rates and the torques of its stops (:class:`ConstrainedSystem`). Release-once law.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from scipy.optimize import brentq
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
 
-# Where inside a step torques are watched: Chebyshev's points crowd at the ends, where a fall is missed most easily.
-_WATCHED = 0.5 * (1.0 - np.cos(np.pi * np.arange(1, 8) / 7))
+# Where inside a step torques are sampled: Chebyshev's points crowd at the ends, where a fall is missed most easily.
+_SAMPLES = 0.5 * (1.0 - np.cos(np.pi * np.arange(1, 8) / 7))
 _LEAST_STEPS = 150  # DOP853's interpolant is one order short of its steps: inside long ones it is what limits
 _MOST_STOPS = 10  # all subsets are tried: 1024 of them
 
 
-class HeldSystem(Protocol):
-    """First-order equations y' = f(y) under a set of held stops."""
+class ConstrainedSystem(Protocol):
+    """First-order equations y' = f(y) under a set of active stops."""
 
     @property
     def start(self) -> FloatArray:
@@ -38,19 +38,19 @@ class HeldSystem(Protocol):
         """Stops that touch at the start."""
         ...
 
-    def rates(self, y: FloatArray, held: tuple[str, ...]) -> FloatArray:
+    def rates(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
         """dy/dt."""
         ...
 
-    def torques(self, y: FloatArray, held: tuple[str, ...]) -> FloatArray:
-        """Torques of the held stops [N m]."""
+    def torques(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
+        """Torques of the active stops [N m]."""
         ...
 
-    def gap_accelerations(self, y: FloatArray, held: tuple[str, ...], of: tuple[str, ...]) -> FloatArray:
-        """Second derivatives of gaps [rad/s^2] while `held` are held."""
+    def gap_accelerations(self, y: FloatArray, active: tuple[str, ...], of: tuple[str, ...]) -> FloatArray:
+        """Second derivatives of gaps [rad/s^2] under these active stops."""
         ...
 
-    def projected(self, y: FloatArray, held: tuple[str, ...]) -> FloatArray:
+    def projected(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
         """The state put back on its constraints."""
         ...
 
@@ -59,21 +59,21 @@ class HeldSystem(Protocol):
 class _Step:
     start: float
     end: float
-    held: tuple[str, ...]
+    active: tuple[str, ...]
     dense: DenseOutput
 
 
 @dataclass(frozen=True)
-class HeldMotion:
-    """The steps of a march, continuous in time."""
+class ConstrainedMotion:
+    """A motion of the system, continuous in time."""
 
-    system: HeldSystem
+    system: ConstrainedSystem
     steps: tuple[_Step, ...]
     release_times: Mapping[str, float | None]
 
     def active(self, t: float) -> tuple[str, ...]:
-        """Stops that are held at t [s]; at a release, those held from there on."""
-        return self._step(t).held
+        """Stops that are active at t [s]; at a release, those active from there on."""
+        return self._step(t).active
 
     def raw_state(self, t: float) -> FloatArray:
         """The integrator's interpolated state at t [s]."""
@@ -83,14 +83,14 @@ class HeldMotion:
         """The state at t [s], on its constraints."""
         return self.system.projected(self.raw_state(t), self.active(t))
 
-    def first_fall(
+    def first_downward_crossing(
         self, value: Callable[[FloatArray], float], wanted: Callable[[FloatArray], bool], after: float
     ) -> float | None:
         """First time later than `after` [s] at which value(y) falls through zero where wanted(y) is true."""
         for step in self.steps:
             if step.end <= after:
                 continue
-            time = _fall(step, max(step.start, after), lambda y, _: value(y))
+            time = _downward_zero_crossing(step, max(step.start, after), lambda y, _: value(y))
             if time is not None and wanted(np.asarray(step.dense(time))):
                 return time
         return None
@@ -102,7 +102,7 @@ class HeldMotion:
         return self.steps[bisect_right(ends, t)]
 
 
-def march(system: HeldSystem, duration: float, tolerance: float) -> HeldMotion:
+def integrate(system: ConstrainedSystem, duration: float, tolerance: float) -> ConstrainedMotion:
     """Integrate from 0 to `duration` [s], letting each stop go where its torque falls to zero.
 
     Raises:
@@ -112,58 +112,60 @@ def march(system: HeldSystem, duration: float, tolerance: float) -> HeldMotion:
         raise SimulationError(f"{len(system.stops)} stops touch at the start; at most {_MOST_STOPS} are followed here.")
     t, y = 0.0, system.start
     releases: dict[str, float | None] = dict.fromkeys(system.stops)
-    held, steps = _pushing(system, y, system.stops), list[_Step]()
+    active, steps = _active_contacts(system, y, system.stops), list[_Step]()
     while True:
         for name in system.stops:
-            if name not in held and releases[name] is None:
+            if name not in active and releases[name] is None:
                 releases[name] = t
-        steps += _until_release(system, held, t, system.projected(y, held), duration, tolerance)
+        steps += _until_release(system, active, t, system.projected(y, active), duration, tolerance)
         t = steps[-1].end
         if t >= duration:
-            return HeldMotion(system, tuple(steps), releases)
+            return ConstrainedMotion(system, tuple(steps), releases)
         y = np.asarray(steps[-1].dense(t))
-        torques = system.torques(y, held)
-        let_go = held[int(np.argmin(torques))]
-        held = _pushing(system, y, tuple(name for name in held if name != let_go))
+        torques = system.torques(y, active)
+        released = active[int(np.argmin(torques))]
+        active = _active_contacts(system, y, tuple(name for name in active if name != released))
 
 
 def _until_release(
-    system: HeldSystem, held: tuple[str, ...], t: float, y: FloatArray, duration: float, tolerance: float
+    system: ConstrainedSystem, active: tuple[str, ...], t: float, y: FloatArray, duration: float, tolerance: float
 ) -> list[_Step]:
     """Steps to the first release, the last of them cut there, or to the end."""
     longest = duration / _LEAST_STEPS
     stepper = DOP853(
-        lambda _, y: system.rates(y, held), t, y, duration, max_step=longest, rtol=tolerance, atol=tolerance
+        lambda _, y: system.rates(y, active), t, y, duration, max_step=longest, rtol=tolerance, atol=tolerance
     )
     steps: list[_Step] = []
     while stepper.status == "running":
         started, message = stepper.t, stepper.step()
         if message is not None:
             raise SimulationError(f"the integrator stopped at t = {stepper.t:.6g} s: {message}.")
-        step = _Step(started, stepper.t, held, stepper.dense_output())
-        falls = [_fall(step, started, _torque_of(system, i)) for i in range(len(held))]
-        first = min((time for time in falls if time is not None), default=None)
+        step = _Step(started, stepper.t, active, stepper.dense_output())
+        crossings = [_downward_zero_crossing(step, started, _torque_of(system, i)) for i in range(len(active))]
+        first = min((time for time in crossings if time is not None), default=None)
         if first is not None:
-            return [*steps, _Step(started, first, held, step.dense)]
+            return [*steps, _Step(started, first, active, step.dense)]
         steps.append(step)
         # A one-step method may go on from any nearby state, as long as its stored rate goes with it.
-        stepper.y = system.projected(stepper.y, held)
-        stepper.f = system.rates(stepper.y, held)
+        stepper.y = system.projected(stepper.y, active)
+        stepper.f = system.rates(stepper.y, active)
     return steps
 
 
-def _torque_of(system: HeldSystem, i: int) -> Callable[[FloatArray, tuple[str, ...]], float]:
-    return lambda y, held: float(system.torques(y, held)[i])
+def _torque_of(system: ConstrainedSystem, i: int) -> Callable[[FloatArray, tuple[str, ...]], float]:
+    return lambda y, active: float(system.torques(y, active)[i])
 
 
-def _fall(step: _Step, start: float, value: Callable[[FloatArray, tuple[str, ...]], float]) -> float | None:
-    """Where value(y, held) first falls through zero between `start` and the step's end [s]."""
+def _downward_zero_crossing(
+    step: _Step, start: float, value: Callable[[FloatArray, tuple[str, ...]], float]
+) -> float | None:
+    """Where value(y, active) first falls through zero between `start` and the step's end [s]."""
 
     def at(t: float) -> float:
-        return value(np.asarray(step.dense(t)), step.held)
+        return value(np.asarray(step.dense(t)), step.active)
 
     before, from_time = at(start), start
-    for time in start + _WATCHED * (step.end - start):
+    for time in start + _SAMPLES * (step.end - start):
         here = at(float(time))
         if before >= 0 > here:
             return float(brentq(at, from_time, float(time), xtol=1e-15, rtol=1e-15))
@@ -171,26 +173,26 @@ def _fall(step: _Step, start: float, value: Callable[[FloatArray, tuple[str, ...
     return None
 
 
-def _pushing(system: HeldSystem, y: FloatArray, touching: tuple[str, ...]) -> tuple[str, ...]:
-    """The subset that pushes while the rest opens, found by trying all of them, the largest first.
+def _active_contacts(system: ConstrainedSystem, y: FloatArray, touching: tuple[str, ...]) -> tuple[str, ...]:
+    """The subset that is active while the rest opens, found by trying all of them, the largest first.
 
-    Torques of the held and gap accelerations of the others must not be negative; by uniqueness of the
+    Torques of the active and gap accelerations of the others must not be negative; by uniqueness of the
     complementarity problem's accelerations at most one motion fulfils that. Where rounding leaves none, the subset
-    that breaks it least.
+    that violates it least.
     """
     best, least = touching, np.inf
     for size in range(len(touching), -1, -1):
-        for held in combinations(touching, size):
-            broken = _broken(system, y, held, tuple(name for name in touching if name not in held))
-            if broken == 0:
-                return held
-            if broken < least:
-                best, least = held, broken
+        for active in combinations(touching, size):
+            violation = _violation(system, y, active, tuple(name for name in touching if name not in active))
+            if violation == 0:
+                return active
+            if violation < least:
+                best, least = active, violation
     return best
 
 
-def _broken(system: HeldSystem, y: FloatArray, held: tuple[str, ...], opened: tuple[str, ...]) -> float:
-    torques = system.torques(y, held)
-    accelerations = system.gap_accelerations(y, held, opened)
+def _violation(system: ConstrainedSystem, y: FloatArray, active: tuple[str, ...], opened: tuple[str, ...]) -> float:
+    torques = system.torques(y, active)
+    accelerations = system.gap_accelerations(y, active, opened)
     scaled = [values / np.abs(values).max() for values in (torques, accelerations) if np.abs(values).max(initial=0) > 0]
     return max((float(-values.min()) for values in scaled if values.min() < 0), default=0.0)
