@@ -14,7 +14,7 @@ Compute = Callable[[TrebuchetParameters, Sequence[str]], Spec]
 
 def identification(parameters: TrebuchetParameters, engines: Sequence[str]) -> Spec:
     """The start angles from the printed figures."""
-    from .identification.identify import identify
+    from .identification.study import identify
 
     return identify(parameters)
 

@@ -15,8 +15,7 @@ from scipy.optimize import NonlinearConstraint, brentq, minimize
 from ...models.arrays import FloatArray
 from ...models.machines.parameters import TrebuchetParameters
 from ...models.machines.trebuchet import rolling
-from .first_forward_swing import FirstSweep, first_sweep
-from .results import Bounds, Optimality, Reading
+from .first_forward_swing import Bounds, FirstSweep, Optimality, Reading, first_sweep
 
 NAMES = ("r", "h", "l1")
 _STEP = 1e-4  # of finite differences, relative: errors of 1e-8 relative from the third derivative, 1e-6 from rounding

@@ -18,8 +18,7 @@ from scipy.stats import chi2, norm
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
-from .quantities import ANGLES, Headlines, Start
-from .results import Angles, Conditioning, Extent, FigureAt, Fit, Left
+from .quantities import ANGLES, Angles, Conditioning, Extent, FigureAt, Fit, Headlines, Left, Start
 
 _PER_HALF = math.sqrt(3.0)  # standard deviations in a half width, for a uniform distribution
 _CONFIDENCE = 0.95

@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 from pydantic import JsonValue
 
 from ...comparisons.report.plots import finish
-from ..machines.results import MachineEfficiency, Machines, SlingThrow, WidestThrow
+from ..machines.study import MachineEfficiency, Machines, SlingThrow, WidestThrow
 from ..results import EngineValue
 from .blocks import Block, drawn, table
 

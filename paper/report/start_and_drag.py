@@ -9,7 +9,7 @@ from pydantic import JsonValue
 
 from ...comparisons.report.plots import finish
 from ..drag.results import DragInterval, DragStudy
-from ..identification.results import Fit, Identification
+from ..identification.quantities import Fit, Identification
 from .blocks import Block, drawn, sentences, table
 
 _COLOURS = {"moon": "#777777", "mars": "#c0392b", "earth": "#1f77b4", "venus": "#d9a30d"}

@@ -6,7 +6,7 @@ import math
 
 from pydantic import JsonValue
 
-from ..design.results import CoincidingDesign, Design, Throwing
+from ..design.first_forward_swing import CoincidingDesign, Design, Throwing
 from ..results import EngineValue
 from ..sweep.results import Artefact, Position, Sweep
 from .blocks import Block, sentences, table

@@ -17,7 +17,7 @@ from ..drag.results import (
     WorldFit,
 )
 from ..evidence import FIXED, Evidence, Row
-from ..identification.results import Identification
+from ..identification.quantities import Identification
 from ..printed import BEST_ANGLE, TIME_STEP
 from ..quantities import FASTEST_ANGLE
 from ..results import Quantity, Verdict

@@ -12,9 +12,9 @@ import math
 from collections.abc import Callable, Iterator
 from functools import partial
 
-from ..design.results import CoincidingDesign, Design
+from ..design.first_forward_swing import CoincidingDesign, Design
 from ..evidence import ROLLING, Row
-from ..machines.results import MachineEfficiency, Machines
+from ..machines.study import MachineEfficiency, Machines
 from ..results import EngineValue, Quantity, Verdict
 from ..verdicts import Cause, Judgement, at_least, positive, undecided, vanishes
 

@@ -1,18 +1,229 @@
-"""The sweep over the fulcrum's place on a beam of fixed length: the paper's Sec. V and Fig. 5."""
+"""The fixed machine with its fulcrum anywhere on a beam of fixed length: the paper's Sec. V and Fig. 5."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial import Chebyshev, Polynomial
+from scipy.optimize import brentq
+from scipy.stats import linregress
 
 from ...comparisons.runs.worker import Worker
+from ...models.arrays import FloatArray
 from ...models.errors import InputError
 from ...models.machines.parameters import TrebuchetParameters
-from .beam import Beam
-from .results import Artefact, Regime, Sweep
-from .search import Places, early_crossings, wrong_zero
+from ...models.machines.trebuchet import HANGER_REST, fixed
+from ...reference.equations import Equations
+from ...reference.solution import Solution
+from ...reference.solver import solve_to_launch
+from ...reference.throw.release import Projectile
+from ..results import Quantity
+from .engines import furthest_back, launches
+from .laws import Places, bilateral, early_crossings, pulls_at_start, release_once, wrong_zero
+from .results import Artefact, Backward, Curve, Neighbourhood, Peak, Position, Regime, Sweep, Swing, Trend
+from .rigid_swing import Whole, gravity_and_inertia, hanger_torque_on_beam, on_beam, zeros_within
+
+HAIR = 1e-6
+"""Either side of the regime change [m]: to this it is located."""
+_INTERVALS = 180  # of the curve: 25 mm each over the paper's range
+_HALF_WIDTH, _DEGREE = 0.25, 14  # of the interpolation around the peak [m]; its coefficients fall below rounding there
+_SAFETY = 4.0  # on the difference of two integrators, as where certificates are estimated
+
+
+@dataclass(frozen=True)
+class Beam:
+    """The fixed machine with its fulcrum anywhere on a beam."""
+
+    parameters: TrebuchetParameters
+    length: float
+    start: float
+    end: float
+
+    def whole(self, l1: float) -> Whole:
+        """The machine at a place, its rests held."""
+        return Whole(on_beam(self.parameters, self.length, l1))
+
+    def speeds(self, l1: FloatArray) -> FloatArray:
+        """Launch speeds under release-once [m/s], NaN where there is no launch; shape like l1."""
+        return release_once([fixed(on_beam(self.parameters, self.length, float(x))) for x in l1])[1]
+
+    def bilateral_speed(self, whole: Whole, free: float) -> float:
+        """Under the bilateral law, `free` being that under release-once [m/s]; NaN without a launch."""
+        if not pulls_at_start(whole):
+            return free  # the laws differ in nothing but a rest that would have to pull at the start
+        launch = bilateral(whole).launch
+        return np.nan if launch is None else launch.speed
+
+    def curve(self) -> Curve:
+        """Fig. 5 under both laws.
+
+        Raises:
+            InputError: the machine launches nowhere.
+        """
+        l1 = np.linspace(self.start, self.end, _INTERVALS + 1)
+        wholes = [self.whole(float(x)) for x in l1]
+        times, speeds = release_once([whole.mechanism for whole in wholes])
+        if not np.isfinite(speeds).any():
+            raise InputError(f"the machine launches nowhere for l1 from {self.start!r} to {self.end!r} m.")
+        held = [self.bilateral_speed(whole, float(speed)) for whole, speed in zip(wholes, speeds, strict=True)]
+        return Curve(
+            l1=tuple(l1.tolist()),
+            release_once=_or_none(speeds),
+            bilateral=_or_none(np.array(held)),
+            times=_or_none(times),
+        )
+
+    def peak(self, curve: Curve) -> Peak:
+        """By the root of the derivative of an interpolant through Chebyshev's points, checked by another integrator."""
+        l1, speeds = np.array(curve.l1), np.array([np.nan if v is None else v for v in curve.release_once])
+        highest = float(l1[np.nanargmax(speeds)])
+        domain = (max(self.start, highest - _HALF_WIDTH), min(self.end, highest + _HALF_WIDTH))
+        fine, rough = (Chebyshev.interpolate(self.speeds, degree, domain) for degree in (_DEGREE, _DEGREE - 4))
+        places = [_stationary(fit, domain) for fit in (fine, rough)]
+        at = highest if places[0] is None else places[0]
+        solution = solve_to_launch(self.whole(at).mechanism)
+        exact = np.nan if solution.launch is None else solution.launch.speed
+        error = _SAFETY * (abs(exact - float(fine(at))) + abs(float(fine(at) - rough(at))))
+        # The flatter the peak, the less a speed says about its place: e = v'' x^2 / 2.
+        bend = abs(float(fine.deriv(2)(at)))
+        apart = abs(at - places[1]) if places[0] is not None and places[1] is not None else np.sqrt(2 * error / bend)
+        return Peak(
+            l1=Quantity(value=at, uncertainty=float(_SAFETY * apart + np.spacing(at)), unit="m"),
+            speed=Quantity(value=float(exact), uncertainty=error, unit="m/s"),
+            lever_ratio=at / (self.length - at),
+            interior=places[0] is not None,
+        )
+
+    def position(self, l1: float, engines: Sequence[str] = (), worker: Worker | None = None) -> Position:
+        """All that is said of one place."""
+        whole = self.whole(l1)
+        solution = solve_to_launch(whole.mechanism)
+        launch = solution.launch
+        other = float(self.speeds(np.array([l1]))[0])
+        end = solution.segments[-1].end if launch is None else launch.time
+        trajectory = solution.trajectory(np.linspace(0.0, end, 500))
+        speeds, back = launches(engines, Projectile(solution), end, worker) if launch else ((), ())
+        speed = None if launch is None else Quantity(
+            value=launch.speed, uncertainty=_SAFETY * abs(other - launch.speed), unit="m/s"
+        )  # fmt: skip
+        held = self.bilateral_speed(whole, np.nan if launch is None else launch.speed)
+        return Position(
+            l1=l1,
+            lever_ratio=l1 / (self.length - l1),
+            arm_torque=whole.torque,
+            arm_acceleration=whole.acceleration,
+            counterweight_acceleration=whole.point_acceleration("hanger"),
+            rest_torques={s.name: whole.start_torque(s.name) for s in whole.mechanism.stops if s.closed},
+            release_times={s.name: solution.release_times[s.name] for s in whole.mechanism.stops if s.closed},
+            furthest_back=furthest_back(trajectory, end),
+            launch_time=None if launch is None else launch.time,
+            speed=speed,
+            bilateral_speed=held if np.isfinite(held) else None,
+            engines=speeds,
+            engines_furthest_back=back,
+        )
+
+    def backward(self, positions: Sequence[Position]) -> Backward:
+        """Where the machine would fall backward, and whether it does at the places looked at."""
+        torque, _ = gravity_and_inertia(self.parameters, self.length)
+        pivot = self.length - self.parameters.h * np.cos(self.parameters.alpha0) / np.cos(self.parameters.theta0)
+        turning = zeros_within(torque, 0.0, self.length)
+        return Backward(
+            l1=turning[0] if turning else None,
+            counterweight_past_pivot=float(pivot) if 0 < pivot < self.length else None,
+            least_torque=min(float(torque(self.start)), float(torque(self.end))),  # it is linear in l1
+            furthest_back=min(position.furthest_back for position in positions),
+        )
+
+    def neighbourhood(self, l1: float, step: float) -> Neighbourhood:
+        """The speed there, and the polynomial through four neighbours on either side."""
+        steps = np.arange(-4.0, 5.0)
+        speeds = self.speeds(np.asarray(l1 + step * steps, dtype=np.float64))
+        around = Polynomial.fit(steps[steps != 0], speeds[steps != 0], 7).convert()
+        return Neighbourhood(
+            l1=l1,
+            step=step,
+            speed=float(speeds[4]),
+            from_neighbours=float(around(0.0)),
+            second_difference=float(speeds[3] - 2 * speeds[4] + speeds[5]) / step**2,
+            second_derivative=float(around.deriv(2)(0.0)) / step**2,
+        )
+
+    def start_torque(self, l1: float) -> float:
+        """Of the hanger's rest, both held, by the equations of motion [N m]."""
+        mechanism = self.whole(l1).mechanism
+        q = np.array(mechanism.start)
+        closed = [stop.name for stop in mechanism.stops if stop.closed]
+        return float(Equations(mechanism).solve(q, np.zeros_like(q), closed)[1][closed.index(HANGER_REST)])
+
+    @property
+    def change(self) -> float | None:
+        """Where the hanger's torque at the start changes sign [m]."""
+        found = zeros_within(hanger_torque_on_beam(self.parameters, self.length), self.start, self.end)
+        return found[-1] if found else None
+
+    def regime(self) -> Regime:
+        """The change in closed form, by root finding, and what it does to the launch."""
+        l1 = self.change
+        if l1 is None:
+            return Regime(l1=None)
+        p, whole = self.parameters, self.whole(l1)
+        near = max(self.start, l1 - 0.1), min(self.end, l1 + 0.1)
+        root = float(brentq(self.start_torque, *near, xtol=1e-14, rtol=1e-15))
+        beside = [self.position(x) for x in (l1 - HAIR, l1 + HAIR)]
+        above = self.whole(l1 + HAIR)
+        return Regime(
+            l1=Quantity(value=l1, uncertainty=_SAFETY * abs(root - l1) + np.spacing(l1), unit="m"),
+            root=root,
+            needed=whole.acceleration * (p.h - (self.length - l1) * float(np.cos(p.theta0 - p.alpha0))),
+            available=p.g * float(np.cos(p.alpha0)),
+            below=beside[0],
+            above=beside[1],
+            swing=Swing(
+                l1=l1 + HAIR,
+                largest_angle=p.theta0 + 2 * above.sense * above.amplitude,
+                period=above.period,
+                largest_torque=above.largest_torque(HANGER_REST),
+                zeros=above.zeros(HANGER_REST),
+            ),
+        )
+
+    def trend(self, curve: Curve, start: float, end: float) -> Trend:
+        """A straight line through the curve between two places [m]."""
+        points = [(x, v) for x, v in zip(curve.l1, curve.release_once, strict=True) if v is not None]
+        between = [point for point in points if start <= point[0] <= end]
+        l1, speeds = np.array(between if len(between) > 2 else points).T  # a sweep that ends before: all of it
+        fit = linregress(l1, speeds)
+        slopes = np.diff(speeds) / np.diff(l1)
+        return Trend(
+            start=float(l1[0]),
+            end=float(l1[-1]),
+            slope=float(fit.slope),
+            determination=float(fit.rvalue**2),
+            largest_residual=float(np.abs(speeds - fit.intercept - fit.slope * l1).max()),
+            falling=bool(np.all(slopes < 0)),
+            steepest=float(slopes[np.argmax(np.abs(slopes))]),
+            flattest=float(slopes[np.argmin(np.abs(slopes))]),
+        )
+
+    def solution(self, l1: float) -> Solution:
+        """The reference motion at a place, under release-once."""
+        return solve_to_launch(self.whole(l1).mechanism)
+
+
+def _stationary(fit: Chebyshev, domain: tuple[float, float]) -> float | None:
+    """Where an interpolant has its maximum inside its domain."""
+    roots = fit.deriv().roots()
+    inside = [float(r.real) for r in roots if abs(r.imag) < 1e-12 and domain[0] < r.real < domain[1]]
+    return max(inside, key=lambda x: float(fit(x)), default=None)
+
+
+def _or_none(values: FloatArray) -> tuple[float | None, ...]:
+    return tuple(float(v) if np.isfinite(v) else None for v in values)
+
 
 __all__ = ["Sweep", "fulcrum_sweep"]
 

@@ -15,7 +15,7 @@ from trebucheck.models.schema import schema_text
 from trebucheck.paper.apart import begun
 from trebucheck.paper.claims import UNREACHED, order
 from trebucheck.paper.evidence import Row, spread
-from trebucheck.paper.machines.results import MachineEfficiency, Machines, SlingThrow, WidestThrow
+from trebucheck.paper.machines.study import MachineEfficiency, Machines, SlingThrow, WidestThrow
 from trebucheck.paper.printed import parse
 from trebucheck.paper.quantities import fit
 from trebucheck.paper.report import text as shown

@@ -7,11 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.paper.design.engines import tolerances
-from trebucheck.paper.design.first_forward_swing import first_sweep
-from trebucheck.paper.design.results import Reading
+from trebucheck.paper.design.first_forward_swing import Reading, first_sweep
 from trebucheck.paper.design.search import NEARNESS, RANGE, Family
-from trebucheck.paper.design.study import FARTHEST, NEAREST, Bounds, Design, design_rolling
+from trebucheck.paper.design.study import FARTHEST, NEAREST, Bounds, Design, design_rolling, tolerances
 from trebucheck.reference.solver import solve, solve_to_launch
 from trebucheck.reference.throw.flight import Surroundings, fly
 from trebucheck.reference.throw.release import Projectile

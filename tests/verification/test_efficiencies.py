@@ -11,9 +11,14 @@ from conftest import machine_parameters
 from hypothesis import given
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.machines.registry import model, parameters_type
-from trebucheck.paper.machines.energy import available_energy, kinetic_energy
-from trebucheck.paper.machines.slings import SLINGS, fastest_sling
-from trebucheck.paper.machines.widest import BOUNDS, most_efficient
+from trebucheck.paper.machines.search import (
+    BOUNDS,
+    SLINGS,
+    available_energy,
+    fastest_sling,
+    kinetic_energy,
+    most_efficient,
+)
 from trebucheck.reference.solver import solve_to_launch
 
 

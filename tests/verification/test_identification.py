@@ -11,9 +11,17 @@ from trebucheck.models.errors import InputError
 from trebucheck.models.machines.parameters import TrebuchetParameters
 from trebucheck.models.machines.trebuchet import fixed
 from trebucheck.paper.identification.fit import fit
-from trebucheck.paper.identification.identify import identify
-from trebucheck.paper.identification.quantities import ANGLES, PRINTED, R_ROLLING, SPEED, Headlines, computed
-from trebucheck.paper.identification.results import Identification, PrintedFigure
+from trebucheck.paper.identification.quantities import (
+    ANGLES,
+    PRINTED,
+    R_ROLLING,
+    SPEED,
+    Headlines,
+    Identification,
+    PrintedFigure,
+    computed,
+)
+from trebucheck.paper.identification.study import identify
 from trebucheck.reference.throw.sensitivity import sensitivities
 
 TABLE = TrebuchetParameters()

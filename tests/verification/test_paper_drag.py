@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from trebucheck.models.errors import InputError
 from trebucheck.models.machines.trebuchet import fixed
-from trebucheck.paper.drag.grid import on_grid
-from trebucheck.paper.drag.motion import Throwing, common, interval
+from trebucheck.paper.drag.motion import Throwing, common, interval, on_grid
 from trebucheck.paper.drag.results import AngleReading, DragInterval, DragStudy, GravityReading, PrintedAngle
 from trebucheck.paper.drag.study import PRINTED, drag_study
 from trebucheck.reference.solver import solve_to_launch

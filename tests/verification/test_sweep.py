@@ -8,9 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.paper.sweep.laws import bilateral, pulls_at_start
+from trebucheck.paper.sweep.laws import Places, bilateral, pulls_at_start
 from trebucheck.paper.sweep.rigid_swing import Whole, gravity_and_inertia, hanger_torque_on_beam, on_beam
-from trebucheck.paper.sweep.search import Places
 from trebucheck.paper.sweep.study import Sweep, fulcrum_sweep
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.perturbed import solve_scheduled
