@@ -199,7 +199,11 @@ def confirmed(engines: Sequence[str], found: FirstSweep, worker: Worker | None) 
 
 def _read(run: Trajectory) -> dict[str, float]:
     motion, mechanism = SampledMotion(run), run.mechanism
-    return {key.name: value for key, value in read_quantities(motion, _plan(mechanism, motion)).items() if key.name in FIGURES}
+    return {
+        key.name: value
+        for key, value in read_quantities(motion, _plan(mechanism, motion)).items()
+        if key.name in FIGURES
+    }
 
 
 def _plan(mechanism: Mechanism, motion: SampledMotion) -> Plan:
