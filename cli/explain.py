@@ -35,9 +35,9 @@ def explain_command(
 
     trebucheck explain --preset tuned --timestep 5e-4 --set l1=9.5 --out why
     """
-    from ..comparisons.explain.page import explain_html
+    from ..comparisons.explain.report import document
     from ..comparisons.explain.study import explain
-    from ..comparisons.explain.terminal import print_explanation
+    from ..comparisons.report import html, terminal
     from ..comparisons.runs.study import Study
     from ..models.files import refuse_unwritable
 
@@ -52,8 +52,6 @@ def explain_command(
     refuse_unwritable(out)
     with output.progress(width=44) as show:
         explanation = explain(replace(study, progress=show))
-    data, page = (
-        (out / "explain.json", explanation.to_json()),
-        (out / "explain.html", lambda: explain_html(explanation)),
-    )
-    output.write(data, page, partial(print_explanation, explanation), "Page")
+    report, data = document(explanation), (out / "explain.json", explanation.to_json())
+    page = out / "explain.html", partial(html.page, report)
+    output.write(data, page, partial(terminal.show, report), "Page")

@@ -5,14 +5,20 @@ from __future__ import annotations
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from ..report.numbers import format_number as figure
+from ..report.numbers import format_number, format_percent
 from ..report.plots import finish
 from .results import Budget, Quantity, Share
-from .text import main_quantities, percent, shares, spread
 
 _COLOUR, _UNEXPLAINED, _BAND = "#3d7ab5", "#b3261e", "#5d6b7a"
 _ROW, _FRAME = 26, 110  # [pixels] of height
 _ROOM = 1.75  # of the bars' extent: room for the texts
+
+
+def main_quantities(budget: Budget) -> list[Quantity]:
+    """Position and stop torques: functions of time in which an error can be seen to grow."""
+    return [
+        q for q in budget.quantities if q.rms > 0 and (q.name == "position" or q.name.endswith((" torque", " force")))
+    ]
 
 
 def bars(budget: Budget) -> go.Figure:
@@ -21,7 +27,7 @@ def bars(budget: Budget) -> go.Figure:
     Shares add up to 100 %; whiskers are half the difference of a share's two measures.
     """
     quantities = main_quantities(budget)
-    titles = [f"{q.name}: rms {figure(q.rms)} {q.unit}" for q in quantities]
+    titles = [f"{q.name}: rms {format_number(q.rms)} {q.unit}" for q in quantities]
     chart = make_subplots(rows=1, cols=len(quantities), subplot_titles=titles, shared_yaxes=True)
     for column, quantity in enumerate(quantities, start=1):
         _draw(chart, quantity, column)
@@ -32,11 +38,11 @@ def bars(budget: Budget) -> go.Figure:
 
 
 def _draw(chart: go.Figure, quantity: Quantity, column: int) -> None:
-    found = shares(quantity)
+    found = [*quantity.shares, quantity.rest]
     causes = [share.cause for share in found]
     values = [100.0 * (share.fraction or 0.0) for share in found]
     # Whiskers narrower than a bar's edge say nothing.
-    bands = [band if band >= 1.0 else 0.0 for band in (100.0 * spread(share, quantity) for share in found)]
+    bands = [band if band >= 1.0 else 0.0 for band in (100.0 * share.interaction / quantity.rms for share in found)]
     colours = [_UNEXPLAINED if share is quantity.rest else _COLOUR for share in found]
     whiskers = {"array": bands, "color": _BAND, "thickness": 1.2}
     chart.add_bar(
@@ -60,4 +66,4 @@ def _draw(chart: go.Figure, quantity: Quantity, column: int) -> None:
 def _text(share: Share, quantity: Quantity) -> str:
     """The share, and its size; the rest is a norm first: it is all but orthogonal to the error."""
     rms = quantity.rest_rms if share is quantity.rest else share.rms
-    return f" {percent(share.fraction)} ({figure(rms)} {quantity.unit}) "
+    return f" {format_percent(share.fraction)} ({format_number(rms)} {quantity.unit}) "

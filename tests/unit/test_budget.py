@@ -20,13 +20,13 @@ from rich.console import Console
 from trebucheck.comparisons.explain import Cause, Intervention, causes_of
 from trebucheck.comparisons.explain.changes import stock_against_tuned
 from trebucheck.comparisons.explain.measure import budget
-from trebucheck.comparisons.explain.page import explain_html
+from trebucheck.comparisons.explain.plots import main_quantities
+from trebucheck.comparisons.explain.report import document
 from trebucheck.comparisons.explain.results import Budget, Explanation, Machine
 from trebucheck.comparisons.explain.shares import orders
 from trebucheck.comparisons.explain.study import explain
-from trebucheck.comparisons.explain.terminal import print_explanation
-from trebucheck.comparisons.explain.text import main_quantities
 from trebucheck.comparisons.explain.variants import Reread, by_kinematics, with_filtered_torques
+from trebucheck.comparisons.report import html, terminal
 from trebucheck.comparisons.runs.deviation import GRID, Deviation
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Trial, Trials
@@ -422,7 +422,7 @@ def explanation() -> Explanation:
 
 
 def test_the_page_shows_causes_failures_and_needs_nothing_else(explanation: Explanation) -> None:
-    page = explain_html(explanation)
+    page = html.page(document(explanation))
     for text in ("error bias", "start and labels", "unexplained", "it flew apart", "stock, leapfrog = True"):
         assert text in page
     assert "could not be measured" in page and "No budget" in page
@@ -436,15 +436,15 @@ def test_engines_without_an_error_can_be_shown(explanation: Explanation) -> None
     spotless = explanation.model_copy(
         update={"budgets": (budget(study, PymunkEngine.stock()),), "comparisons": (found,)}
     )  # fmt: skip
-    assert "No error to explain" in explain_html(spotless)
+    assert "No error to explain" in html.page(document(spotless))
     console = Console(record=True, file=StringIO())
-    print_explanation(spotless, console)
+    terminal.show(document(spotless), console)
     assert "Nothing to explain" in console.export_text()
 
 
 def test_the_terminal_shows_the_same(explanation: Explanation) -> None:
     console = Console(width=110, record=True, file=StringIO())
-    print_explanation(explanation, console)
+    terminal.show(document(explanation), console)
     text = console.export_text()
     for part in ("pymunk stock", "error bias", "it flew apart", "leapfrog as tuned", "or more of every error"):
         assert part in text

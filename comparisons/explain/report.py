@@ -1,0 +1,278 @@
+"""Error budgets as a document."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+
+from ..report.document import (
+    Block,
+    Cell,
+    Column,
+    Document,
+    Figure,
+    Fold,
+    Heading,
+    Listing,
+    Note,
+    Row,
+    Table,
+    Text,
+    page_only,
+    row,
+    table,
+    terminal_only,
+    words,
+)  # fmt: skip
+from ..report.numbers import format_number, format_percent
+from ..report.provenance import provenance
+from .plots import bars, main_quantities
+from .results import Budget, Change, Explanation, Figures, Machine, Measurement, Quantity, StockAgainstTuned
+
+_FEW = 1e-3  # shares below this are left out in the terminal; the page's tables have them all
+_FIGURES = (("position", "m", "position"), ("torque", "N m", "torque"), ("release", "s", "release"),
+            ("wall", "s", "wall_time"))  # fmt: skip
+"""Title, unit and field of each value of a setting."""
+
+_INTRODUCTION = (
+    "Each engine's distance from the reference, split among its causes. Nothing is assigned by guess: a cause's share "
+    "is what changes when that cause is taken out of the run, or made larger by a known factor."
+)
+_HOW_TO_READ = (
+    "An error is a function of time, from the start to the launch. A cause's share is its part of that function; its "
+    "percentage is signed (the projection on the whole error), so that causes that work against each other show it, "
+    "and all of them with the unexplained rest add up to 100 %. Causes interact: where two have to come together to "
+    "do harm, taking out either removes the same error. So all are taken out one after the other, once in the order "
+    "of the table and once in the reverse order; the share is the mean of both (for causes that interact in pairs, "
+    "Shapley's value), and the whiskers are half their difference. (MuJoCo's softness, once it is as small as the step "
+    "allows, is measured by a shorter step and, in place of the reverse order, by doubling it.) A wide whisker says: "
+    "this and another cause share that error. “After” names causes that have to be out first, because taking this one "
+    "out alone would bring in an error the run does not have. What is explained is 1 - |rest| / |error|, root mean "
+    "square over time; roundoff, which is random, is taken off the rest in quadrature."
+)
+_CHANGES = (
+    "Both presets at the same step; one option changed at a time, from stock towards tuned and from tuned back. "
+    "Largest distance of the projectile, largest error of a stop's torque at any sample, largest error of a release "
+    "time, wall time (median of up to three). Factors are against the preset the line starts from (tuned: against "
+    "stock): ÷ smaller, × larger."
+)
+
+
+def document(explanation: Explanation) -> Document:
+    """All budgets; the terminal has them in short, what each option buys, what could not be measured, the verdict."""
+    blocks: list[Block] = [
+        Note(_INTRODUCTION),
+        page_only(Text(verdict(explanation), "strong")),
+        Fold("How to read it", (Note(_HOW_TO_READ),)),
+    ]
+    for machine in explanation.machines:
+        blocks += _chapter(explanation, machine)
+    runs = ((budget.model, budget) for budget in explanation.budgets)
+    blocks += provenance(explanation, runs, [(machine.model, machine.mechanism) for machine in explanation.machines])
+    blocks.append(terminal_only(Text(verdict(explanation))))
+    return Document("Where the errors come from", tuple(blocks), "trebucheck explain")
+
+
+def verdict(explanation: Explanation) -> str:
+    """One line: how much of the errors is accounted for at worst."""
+    found = [
+        (quantity.explained, f"{quantity.name}, {budget.model} {budget.label}")
+        for budget in explanation.budgets
+        for quantity in main_quantities(budget)
+        if quantity.explained is not None
+    ]
+    failed = sum(budget.message is not None for budget in explanation.budgets)
+    lost = f" {failed} run{'s' if failed != 1 else ''} failed." if failed else ""
+    if not found:
+        return f"Nothing to explain.{lost}"
+    least, where = min(found)
+    return f"{_downwards(least)} or more of every error shown is explained (least: {where}).{lost}"
+
+
+def _explained(quantity: Quantity) -> str:
+    """How much of the error the causes account for; never rounded up to the whole."""
+    return "–" if quantity.explained is None else _downwards(quantity.explained)
+
+
+def _downwards(fraction: float) -> str:
+    return "over 99.9 %" if fraction > 0.999 else f"{math.floor(1000 * max(0.0, fraction)) / 10:.1f} %"
+
+
+def _chapter(explanation: Explanation, machine: Machine) -> Iterator[Block]:
+    budgets = [budget for budget in explanation.budgets if budget.model == machine.model]
+    yield Heading(f"{machine.model.capitalize()} machine", 2, machine.model)
+    yield _summary(machine, budgets)
+    for budget in budgets:
+        yield from _budget(budget)
+    yield Heading("Stock against tuned: what each option buys")
+    yield Note(_CHANGES)
+    yield from (_changes(each) for each in explanation.comparisons if each.model == machine.model)
+    yield terminal_only(Listing(tuple(_failures(machine, budgets))))
+
+
+def _summary(machine: Machine, budgets: Iterable[Budget]) -> Table:
+    """The budgets in short, for the terminal."""
+    columns = (words("engine", wrap=False), words("error of", wrap=False), Column("rms"), Column("explained"))
+    rows = [
+        (
+            budget.label if i == 0 else "",
+            quantity.name,
+            f"{format_number(quantity.rms)} {quantity.unit}",
+            _explained(quantity),
+            _leading_causes(quantity),
+        )
+        for budget in budgets
+        for i, quantity in enumerate(main_quantities(budget))
+    ]
+    return table((*columns, words("causes")), rows, f"{machine.model}: where the errors come from", "terminal")
+
+
+def _leading_causes(quantity: Quantity) -> str:
+    """Shares worth a word, the largest first."""
+    shares = ((share.fraction or 0.0, share.cause) for share in quantity.shares)
+    leading = sorted((share for share in shares if abs(share[0]) >= _FEW), key=lambda share: -abs(share[0]))
+    return ", ".join(f"{cause} {format_percent(fraction)}" for fraction, cause in leading)
+
+
+def _failures(machine: Machine, budgets: Iterable[Budget]) -> Iterator[Text]:
+    for budget in budgets:
+        name = f"{machine.model}, {budget.label}"
+        if budget.message:
+            yield Text(budget.message, "warning", lead=f"{name}:")
+        for cause in budget.causes:
+            if cause.message:
+                yield Text(f"not measured: {cause.message}", "warning", lead=f"{name}, {cause.name}:")
+
+
+def _budget(budget: Budget) -> Iterator[Block]:
+    """One engine's budget on the page."""
+    quantities, step = main_quantities(budget), budget.settings.get("timestep")
+    yield Heading(f"{budget.label}{_at(step if isinstance(step, int | float) else None)}")
+    if budget.message:
+        yield page_only(Text(f"No budget: {budget.message}", "warning"))
+        return
+    sentences = (
+        f"{q.name}: {_explained(q)} explained, largest error {format_number(q.largest)} {q.unit}" for q in quantities
+    )
+    yield Note(f"{'; '.join(sentences)}." if quantities else "No error to explain.")
+    if quantities:
+        yield Figure(bars(budget))
+    for cause in budget.causes:
+        if cause.message:
+            text = f"{cause.name} could not be measured and counts as unexplained: {cause.message}"
+            yield page_only(Text(text, "warning"))
+    if quantities:
+        others = [q for q in budget.quantities if q.rms > 0 and q not in quantities]
+        tables = (_measurements(budget, quantities), *((_other_shares(others),) if others else ()))
+        yield Fold("What was done to measure each cause, and the results", tables)
+
+
+def _at(step: float | None) -> str:
+    return f", step {step:g} s" if step else ""
+
+
+def _measurements(budget: Budget, quantities: Sequence[Quantity]) -> Table:
+    columns = [words("cause", wrap=False), words("what was done")]
+    columns += [
+        Column(title, group=f"{quantity.name} [{quantity.unit}]")
+        for quantity in quantities
+        for title in ("in order", "in reverse", "share", "rms")
+    ]
+    rows = [
+        row(Cell(cause.name, hint=cause.explanation), _done(cause), *_measured(cause, quantities))
+        for cause in budget.causes
+        if cause.name != "roundoff" and not cause.message
+    ]
+    rest = [("", "", format_percent(q.rest.fraction), format_number(q.rest_rms)) for q in quantities]
+    text = "what is left of the error when all shares are taken off"
+    rows.append(row(Cell("unexplained", "strong"), text, *(value for values in rest for value in values)))
+    for cause in budget.causes:
+        if cause.name == "roundoff":
+            text = f"{cause.explanation}.\n{cause.done}; in the run, and in what is left"
+            rows.append(row(cause.name, text, *_roundoff(quantities)))
+    return table(columns, rows, "Shares of the error, and how they were measured")
+
+
+def _done(cause: Measurement) -> str:
+    after = "all others" if cause.name == "readout" else ", ".join(cause.after)
+    return f"{cause.explanation}.\n{cause.done}{f'; after {after}' if cause.after else ''}"
+
+
+def _measured(cause: Measurement, quantities: Iterable[Quantity]) -> Iterator[str]:
+    for share in (share for quantity in quantities for share in quantity.shares if share.cause == cause.name):
+        yield from map(format_percent, (share.first, share.second, share.fraction))
+        yield format_number(share.rms)
+
+
+def _roundoff(quantities: Iterable[Quantity]) -> Iterator[str]:
+    for quantity in quantities:
+        yield from ("", "", format_number(quantity.roundoff), format_number(quantity.roundoff_left))
+
+
+def _other_shares(quantities: Sequence[Quantity]) -> Table:
+    """Quantities that are single values; all have the same causes."""
+    columns = [Column(f"{q.name}: {format_number(q.rms)} {q.unit}") for q in quantities]
+    all_shares = [(*quantity.shares, quantity.rest) for quantity in quantities]
+    causes = [*(share.cause for share in quantities[0].shares), "unexplained"]
+    rows = [(cause, *(format_percent(shares[i].fraction) for shares in all_shares)) for i, cause in enumerate(causes)]
+    return table([words("share of the error in", wrap=False), *columns], rows, "Other quantities")
+
+
+def _changes(comparison: StockAgainstTuned) -> Table:
+    """The presets and each option's change; the page has values with their factors, the terminal one of the two."""
+    columns = [words("setting", wrap=False, medium="page"), words("setting", wrap=False, medium="terminal")]
+    for title, unit, field in _FIGURES:
+        if field == "torque":
+            title, unit = "force" if comparison.force_unit == "N" else title, comparison.force_unit  # noqa: PLW2901
+        columns += [Column(title, unit, medium="page"), Column(title, unit, medium="terminal")]
+    caption = f"{comparison.model}, {comparison.engine}{_at(comparison.timestep)}: what each option buys"
+    return table(columns, _change_rows(comparison), f"{caption} (÷ smaller, × larger)")
+
+
+def _change_rows(comparison: StockAgainstTuned) -> Iterator[Row]:
+    stock, tuned = comparison.stock, comparison.tuned
+    yield row(Cell("stock", "strong"), "stock", *_values(stock, stock, preset=True))
+    for change in comparison.changes:
+        labels = f"stock, {_named(change)}", f"  {change.option} as tuned"
+        yield row(*labels, *_values(change.alone, stock))
+    yield row(Cell("tuned", "strong"), "tuned", *_values(tuned, stock, preset=True))
+    for change in comparison.changes:
+        labels = f"tuned, {_named(change, back=True)}", f"  {change.option} as stock"
+        yield row(*labels, *_values(change.back, tuned))
+
+
+def _values(figures: Figures, against: Figures, *, preset: bool = False) -> Iterator[Cell]:
+    """For page and terminal in turn."""
+    if figures.message:
+        yield Cell("failed", "warning", detail=figures.message)
+        return
+    for *_, field in _FIGURES:
+        value, before = getattr(figures, field), getattr(against, field)
+        factor = "" if figures is against else _factor(before, value)
+        yield Cell(format_number(value), detail=factor)
+        yield Cell(format_number(value) if preset else factor)
+
+
+def _factor(before: float | None, after: float | None) -> str:
+    """How many times smaller a value became; below 1 it grew."""
+    if before is None or after is None or 0.0 in (before, after):
+        return ""
+    ratio = before / after
+    return f"÷ {_two_digits(ratio)}" if ratio >= 1 else f"× {_two_digits(1 / ratio)}"
+
+
+def _two_digits(value: float) -> str:
+    return f"{value:.2g}" if value < 100 else (f"{value:.0f}" if value < 1e4 else format_number(value))
+
+
+def _named(change: Change, *, back: bool = False) -> str:
+    """An option with the value it is given."""
+    return f"{change.option} = {_option_value(change.stock if back else change.tuned)}"
+
+
+def _option_value(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, list):
+        return "(" + ", ".join(_option_value(part) for part in value) + ")"
+    return str(value)
