@@ -8,34 +8,8 @@ from typing import Annotated
 
 import typer
 
-from . import (
-    certify as certifying,
-)
-from . import (
-    compare as comparing,
-)
-from . import (
-    converge as converging,
-)
-from . import (
-    engines,
-    models,
-)
-from . import (
-    explain as explaining,
-)
-from . import (
-    paper as papering,
-)
-from . import (
-    recommend as recommending,
-)
-from . import (
-    run as running,
-)
-from . import (
-    throw as throwing,
-)
+from ..models.errors import TrebucheckError
+from . import certify, compare, converge, engines, explain, models, paper, recommend, run, throw
 
 app = typer.Typer(
     name="trebucheck",
@@ -53,15 +27,18 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-app.command("compare")(comparing.compare_command)
-app.command("explain")(explaining.explain_command)
-app.command("run")(running.run_command)
-app.command("throw")(throwing.throw_command)
-app.command("certify")(certifying.certify_command)
-app.command("recommend")(recommending.recommend_command)
-app.command("converge")(converging.converge_command)
-app.command("paper")(papering.paper_command)
-app.command("engines")(engines.engines_command)
+for name, command in {
+    "compare": compare.compare_command,
+    "explain": explain.explain_command,
+    "run": run.run_command,
+    "throw": throw.throw_command,
+    "certify": certify.certify_command,
+    "recommend": recommend.recommend_command,
+    "converge": converge.converge_command,
+    "paper": paper.paper_command,
+    "engines": engines.engines_command,
+}.items():
+    app.command(name)(command)
 app.add_typer(models.app, name="models")
 
 
@@ -88,8 +65,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit code: 0, 1 (disagreement or a failed run), 2 (wrong input) or 130 (interrupted).
     """
-    from ..models.errors import TrebucheckError
-
     try:
         code = app(args=arguments, prog_name="trebucheck", standalone_mode=False)
     except TrebucheckError as error:

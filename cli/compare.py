@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -38,7 +37,6 @@ def compare_command(
     """
     from ..comparisons.compare.report import document
     from ..comparisons.compare.study import compare
-    from ..comparisons.report import html, terminal
     from ..comparisons.runs.store import Store
     from ..models.files import refuse_unwritable
 
@@ -58,8 +56,7 @@ def compare_command(
             store=Store(out / "trajectories", resume, out / "runs"),
             progress=lambda case, done, of: show(f"{case.model}: {case.label}", done, of),
         )
-    report, data = document(comparison), (out / "results.json", comparison.results.to_json())
-    page = out / "report.html", partial(html.page, report)
-    output.write(data, page, partial(terminal.show, report), "Report", current=comparison.repeated)
+    data, report = (out / "results.json", comparison.results.to_json()), document(comparison)
+    output.write_all(data, out / "report.html", report, "Report", current=comparison.repeated)
     if not comparison.passed:
         raise typer.Exit(1)

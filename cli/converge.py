@@ -39,17 +39,10 @@ def converge_command(
     from ..comparisons.converge.page import page
     from ..comparisons.converge.study import converge
     from ..comparisons.converge.terminal import print_studies
-    from ..comparisons.runs.study import Study
-    from ..models.files import refuse_unwritable
 
-    study = Study(
-        models=options.machines(models, options.parameters(assignments, beam)),
-        engines=options.engine_names(engines),
-        store=options.trials(out, resume),
-        timeout=timeout,
-    )
+    machines = options.machines(models, options.parameters(assignments, beam))
     chosen = options.names(knobs, "--knobs") if knobs else None
-    refuse_unwritable(out)
+    study = options.study(machines, engines, out, resume, timeout)
     with output.progress() as show:
         studies = converge(replace(study, progress=show), chosen)
     data, report = (out / "converge.json", studies.to_json()), (out / "converge.html", lambda: page(studies))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -37,21 +36,12 @@ def explain_command(
     """
     from ..comparisons.explain.report import document
     from ..comparisons.explain.study import explain
-    from ..comparisons.report import html, terminal
-    from ..comparisons.runs.study import Study
-    from ..models.files import refuse_unwritable
 
-    study = Study(
-        models=options.machines(models, options.parameters(assignments, beam)),
-        engines=options.engine_names(engines),
-        presets=options.names(preset, "--preset"),
-        options={} if timestep is None else {"timestep": timestep},
-        store=options.trials(out, resume),
-        timeout=timeout,
-    )
-    refuse_unwritable(out)
+    machines = options.machines(models, options.parameters(assignments, beam))
+    own = {} if timestep is None else {"timestep": timestep}
+    presets = options.names(preset, "--preset")
+    study = options.study(machines, engines, out, resume, timeout, presets=presets, options=own)
     with output.progress(width=44) as show:
         explanation = explain(replace(study, progress=show))
     report, data = document(explanation), (out / "explain.json", explanation.to_json())
-    page = out / "explain.html", partial(html.page, report)
-    output.write(data, page, partial(terminal.show, report), "Page")
+    output.write_all(data, out / "explain.html", report, "Page")

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ..models.errors import InputError
+
 if TYPE_CHECKING:
-    from ..comparisons.runs.store import Store
+    from ..comparisons.runs.study import Study
     from ..models.machines.parameters import TrebuchetParameters
     from ..models.mechanism import Mechanism
     from ..models.spec import Spec
@@ -49,8 +52,6 @@ def names(text: str, what: str) -> list[str]:
     Raises:
         InputError: the list is empty.
     """
-    from ..models.errors import InputError
-
     found = [part.strip() for part in text.split(",") if part.strip()]
     if not found:
         raise InputError(f"{what} is empty; at least one name is needed.")
@@ -63,8 +64,6 @@ def assignments(texts: list[str] | None, option: str) -> dict[str, str]:
     Raises:
         InputError: a text has no '=', or a name stands twice.
     """
-    from ..models.errors import InputError
-
     found: dict[str, str] = {}
     for text in texts or []:
         name, separator, value = text.partition("=")
@@ -136,8 +135,6 @@ def parameters(texts: list[str] | None, beam: float | None) -> Chosen:
 
 
 def _number(name: str, text: str) -> float:
-    from ..models.errors import InputError
-
     try:
         return float(text)
     except ValueError:
@@ -150,7 +147,6 @@ def machines(text: str, chosen: Chosen) -> list[Mechanism]:
     Raises:
         InputError: a name is unknown, or a file cannot be read or is not a mechanism.
     """
-    from ..models.errors import InputError
     from ..models.machines.registry import model
     from ..models.mechanism import Mechanism
 
@@ -168,8 +164,6 @@ def machine(text: str, chosen: Chosen, command: str) -> Mechanism:
     Raises:
         InputError: as :func:`machines`, or there are several.
     """
-    from ..models.errors import InputError
-
     found = machines(text, chosen)
     if len(found) != 1:
         raise InputError(f"--model {text!r} names {len(found)} machines; `{command}` takes one.")
@@ -185,11 +179,26 @@ def engine_names(text: str) -> list[str] | None:
     return names(text, "--engines") if text else None
 
 
-def trials(out: Path, resume: bool) -> Store:
-    """Where a study of many short runs keeps them."""
-    from ..comparisons.runs.store import Store
+def study(
+    models: Sequence[str | Mechanism], engines: str, out: Path, resume: bool, timeout: float, **others: Any
+) -> Study:
+    """A study whose runs are kept in the folder of its results.
 
-    return Store(out / "trials", resume, out / "trials")
+    Args:
+        engines: comma list; empty: all.
+        others: as :class:`..comparisons.runs.study.Study` takes them.
+
+    Raises:
+        InputError: a name or a value is not valid, or the folder cannot be written to.
+    """
+    from ..comparisons.runs.store import Store
+    from ..comparisons.runs.study import Study
+    from ..models.files import refuse_unwritable
+
+    store = Store(out / "trials", resume, out / "trials")
+    found = Study(models, engine_names(engines), store=store, timeout=timeout, **others)
+    refuse_unwritable(out)
+    return found
 
 
 def engine_options(texts: list[str] | None) -> dict[str, Any]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from ..comparisons.report.document import Document
     from ..comparisons.runs.study import Progress
 
 Page = Callable[[], str]
@@ -33,6 +35,17 @@ def progress(what: str = "reference", width: int = 40) -> Generator[Progress]:
     with Bar(*columns, console=to, transient=True, disable=not to.is_terminal) as bar:
         task = bar.add_task(what, total=None)
         yield lambda part, done, of: bar.update(task, description=part, completed=done, total=of)
+
+
+def write_all(data: tuple[Path, str], page: Path, report: Document, called: str, *, current: bool = False) -> None:
+    """The same for results that are a document.
+
+    Raises:
+        InputError: the folder cannot be written to.
+    """
+    from ..comparisons.report import html, terminal
+
+    write(data, (page, partial(html.page, report)), partial(terminal.show, report), called, current=current)
 
 
 def write(

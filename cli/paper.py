@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..models.errors import InputError
 from . import options, output
 
 if TYPE_CHECKING:
@@ -34,7 +35,6 @@ def paper_command(
 
     trebucheck paper --engines mujoco --sections sweep
     """
-    from ..models.errors import InputError
     from ..models.files import refuse_unwritable
     from ..paper.study import study
 

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from ..models.errors import InputError
 from . import options, output
 
 _NEIGHBOURS = 32
@@ -55,23 +56,14 @@ def recommend_command(
     from ..comparisons.recommend import Asked, recommend
     from ..comparisons.recommend.target import read_torque
     from ..comparisons.recommend.terminal import print_advice
-    from ..comparisons.runs.study import Study
-    from ..models.errors import InputError
-    from ..models.files import refuse_unwritable
 
     if position is None and torque is None and release is None:
         raise InputError("nothing is asked; give at least one of --position, --torque and --release.")
     asked = Asked(position=position, release=release, **(read_torque(torque) if torque is not None else {}))
     chosen = options.parameters(assignments, beam)
     mechanism, own = options.machine(model, chosen, "recommend"), model.strip().endswith(".json")
-    study = Study(
-        models=[mechanism if own else model.strip()],
-        engines=options.engine_names(engines),
-        parameters=None if own else chosen.of(model.strip()),
-        store=options.trials(out, resume),
-        timeout=timeout,
-    )
-    refuse_unwritable(out)
+    parameters = None if own else chosen.of(model.strip())
+    study = options.study([mechanism if own else model.strip()], engines, out, resume, timeout, parameters=parameters)
     with output.progress("references", 30) as show:
         advice = recommend(replace(study, progress=show), asked, neighbours)
     output.write((out / "recommend.json", advice.to_json()), None, partial(print_advice, advice), "")

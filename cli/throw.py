@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from . import options
+from ..models.errors import InputError
+from . import options, output
 
 if TYPE_CHECKING:
     from ..models.machines.parameters import TrebuchetParameters
-    from ..models.mechanism import Mechanism
     from ..reference.throw.throw import Sensitivity
 
 
@@ -67,15 +67,19 @@ def throw_command(
 
     trebucheck throw --model rolling --sensitivities
     """
-    from ..comparisons.report import html, terminal
     from ..comparisons.throw.report import document
-    from ..models.files import refuse_unwritable, write_text
+    from ..models.files import refuse_unwritable
     from ..reference.throw.throw import perform
 
     chosen = options.parameters(assignments, beam)
-    mechanism = _machine(model, chosen, assignments, body)
-    if sensitivities:
-        _refuse_another_machine(model)
+    mechanism = options.machine(model, chosen, "throw")
+    if body is not None and "g" in options.assignments(assignments, "--set"):
+        raise InputError(f"--body {body} brings its own gravity; leave out --set g, or --body.")
+    if sensitivities and model.strip() not in ("fixed", "rolling"):
+        raise InputError(
+            f"--sensitivities differentiates by a named machine's parameters, the whipper's; {model} has others "
+            "or none: use fixed or rolling."
+        )
     refuse_unwritable(out)
     release = {
         "release_angle": None if release_angle is None else math.radians(release_angle),
@@ -86,30 +90,7 @@ def throw_command(
     rows = _sensitivities(model, chosen.whipper(model.strip()), performance.throw.gravity) if sensitivities else ()
     throw = performance.throw.model_copy(update={"sensitivities": rows})
     report = document(performance, throw)
-    page = html.page(report)
-    write_text(out / "throw.json", throw.to_json())
-    write_text(out / "throw.html", page)
-    terminal.show(report, terminal.console())
-    terminal.console().print(f"\nPage: {out / 'throw.html'}   Data: {out / 'throw.json'}", soft_wrap=True)
-
-
-def _machine(model: str, chosen: options.Chosen, assigned: list[str] | None, body: str | None) -> Mechanism:
-    from ..models.errors import InputError
-
-    mechanism = options.machine(model, chosen, "throw")
-    if body is not None and "g" in options.assignments(assigned, "--set"):
-        raise InputError(f"--body {body} brings its own gravity; leave out --set g, or --body.")
-    return mechanism
-
-
-def _refuse_another_machine(model: str) -> None:
-    from ..models.errors import InputError
-
-    if model.strip() not in ("fixed", "rolling"):
-        raise InputError(
-            f"--sensitivities differentiates by a named machine's parameters, the whipper's; {model} has others "
-            "or none: use fixed or rolling."
-        )
+    output.write_all((out / "throw.json", throw.to_json()), out / "throw.html", report, "Page")
 
 
 def _sensitivities(model: str, parameters: TrebuchetParameters | None, gravity: float) -> tuple[Sensitivity, ...]:
