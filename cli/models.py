@@ -37,7 +37,7 @@ def show_command(name: _Name, assignments: options.Set = None, beam: options.Bea
 @app.command("schema")
 def schema_command() -> None:
     """Print the JSON schema of a mechanism."""
-    from ..models.schema import mechanism_schema
+    from ..models.mechanism import mechanism_schema
 
     typer.echo(mechanism_schema(), nl=False)
 

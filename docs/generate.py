@@ -21,7 +21,8 @@ from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.document import Column, Document, table
 from trebucheck.comparisons.runs.results import Results
 from trebucheck.models.machines.registry import models
-from trebucheck.models.schema import mechanism_schema, schema_text
+from trebucheck.models.mechanism import mechanism_schema
+from trebucheck.models.spec import schema_text
 from trebucheck.paper.report.markdown import summary
 from trebucheck.paper.results import Study
 from trebucheck.paper.study import study

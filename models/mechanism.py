@@ -13,7 +13,7 @@ from typing import Annotated, ClassVar, Literal, Self, cast
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from .spec import Name, NonNegative, Positive, Real, Spec, Vector
+from .spec import Name, NonNegative, Positive, Real, Spec, Vector, schema_text
 
 GROUND = "ground"
 _CLOSED_GAP = 1e-12  # [rad], [m per m] a start gap below this is rounding, not an opening
@@ -166,7 +166,7 @@ def _tag_of_stop(value: object) -> str:
     return "point stop" if isinstance(value, PointStop) else "stop"
 
 
-# Told apart by their fields: a `kind` would have changed the content, and so the hash, of every machine there is.
+# Distinguished by their fields: a `kind` would change the content, and so the hash, of every mechanism there is.
 AnyStop = Annotated[Annotated[Stop, Tag("stop")] | Annotated[PointStop, Tag("point stop")], Discriminator(_tag_of_stop)]
 
 
@@ -225,15 +225,20 @@ class Mechanism(Spec):
         return tuple(joint for joint in self.joints if joint.name not in tree)
 
     @property
-    def loops_apart(self) -> dict[str, float]:
-        """How far the points of each joint that closes a loop stand apart at the start [m]."""
+    def loop_closure_residual(self) -> dict[str, float]:
+        """Distance at the start of the two points of each joint that closes a loop; of a slot: from its line [m]."""
         found: dict[str, float] = {}
         for joint in self.loop_joints:
             child = self._start_place(joint.child, joint.child_point)
-            apart = child - self._start_place(joint.parent, joint.parent_point)
-            across = (apart * complex(*joint.axis).conjugate()).imag if isinstance(joint, SlotJoint) else apart
+            residual = child - self._start_place(joint.parent, joint.parent_point)
+            across = (residual * complex(*joint.axis).conjugate()).imag if isinstance(joint, SlotJoint) else residual
             found[joint.name] = abs(across)
         return found
+
+    @property
+    def loops_apart(self) -> dict[str, float]:
+        """Another name of :attr:`loop_closure_residual`."""
+        return self.loop_closure_residual
 
     def body(self, name: str) -> Body:
         """The body of that name."""
@@ -356,6 +361,11 @@ class Mechanism(Spec):
             place += start[joint.coordinate] * complex(*joint.axis)
         arm = complex(*point) - complex(*joint.child_point)
         return place + arm * cmath.exp(-1j * start[self.body(body).angle])
+
+
+def mechanism_schema() -> str:
+    """JSON schema of a mechanism as text, as it stands in models/schemas/."""
+    return schema_text(Mechanism)
 
 
 def _refuse_repeats(what: str, names: Iterable[str]) -> None:

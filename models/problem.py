@@ -37,11 +37,11 @@ class Problem(Spec):
 
     @model_validator(mode="after")
     def _loops_close(self) -> Self:
-        for name, apart in self.mechanism.loops_apart.items():
-            if apart > _CLOSED:
+        for name, residual in self.mechanism.loop_closure_residual.items():
+            if residual > _CLOSED:
                 raise ValueError(
                     f"start does not fit the joint {name!r}, which closes a loop: its points stand apart by "
-                    f"{apart:.3g} m"
+                    f"{residual:.3g} m"
                 )
         return self
 

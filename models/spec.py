@@ -139,3 +139,9 @@ class Spec(BaseModel):
         content = self.model_dump(mode="json", exclude_none=True)
         canonical = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def schema_text(model: type[BaseModel]) -> str:
+    """JSON schema (draft 2020-12) of a described type, in the form the repository publishes."""
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **model.model_json_schema()}
+    return json.dumps(schema, indent=2) + "\n"

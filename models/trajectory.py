@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
 
 from .arrays import FloatArray
 from .errors import InputError
@@ -15,6 +18,8 @@ from .mechanism import Mechanism
 
 if TYPE_CHECKING:
     import xarray as xr
+
+FORMAT = "trebucheck-trajectory-1"
 
 _T = TypeVar("_T")
 
@@ -130,10 +135,54 @@ class Trajectory:
         return self.kinematics.momentum(self.q, self.u)
 
     def to_dataset(self) -> xr.Dataset:
-        """All of it as a labelled dataset with units; see :mod:`.dataset` for files."""
-        from .dataset import to_dataset  # xarray takes a third of a second to import
+        """All of it as a labelled dataset with units; what the engine cannot observe is left out.
 
-        return to_dataset(self)
+        :mod:`.dataset` writes it to files and reads it back.
+        """
+        import xarray as xr  # it takes a third of a second
+
+        names = list(self.mechanism.coordinates)
+        coords: dict[str, object] = {"time": self.t, "coordinate": names, "axis": ["x", "y"]}
+        data = {
+            "q": _labelled(self.q, ("time", "coordinate"), "generalized coordinates", "rad (slides: m)"),
+            "u": _labelled(self.u, ("time", "coordinate"), "generalized speeds", "rad/s (slides: m/s)"),
+            "kinetic_energy": _labelled(self.kinetic_energy, ("time",), "kinetic energy", "J"),
+            "potential_energy": _labelled(self.potential_energy, ("time",), "potential energy", "J"),
+        }
+        for name, dim, values, label, units in self._by_name():
+            if values:
+                coords[dim] = list(values)
+                stacked = np.stack(list(values.values()), axis=1)
+                data[name] = _labelled(stacked, ("time", dim, "axis")[: stacked.ndim], label, units)
+        released = [time if time is not None else np.nan for time in self.release_times.values()]
+        coords["releasable_stop"] = list(self.release_times)
+        label = "time of release (NaN: did not open)"
+        data["release_time"] = _labelled(np.array(released), ("releasable_stop",), label, "s")
+        arrays = {name: xr.DataArray(values, dims=dims, attrs=attrs) for name, (dims, values, attrs) in data.items()}
+        dataset = xr.Dataset(arrays, coords=coords, attrs=self._attributes())
+        dataset["time"].attrs = {"units": "s", "long_name": "time"}
+        return dataset
+
+    def _by_name(self) -> list[tuple[str, str, Mapping[str, FloatArray], str, str]]:
+        """Name, dimension, values by name, label and unit of what belongs to markers, stops and joints."""
+        positions = {name: motion.position for name, motion in self.markers.items()}
+        velocities = {name: motion.velocity for name, motion in self.markers.items()}
+        torque_unit = "N m (stops on points: N)" if self.mechanism.point_stops else "N m"
+        return [
+            ("position", "marker", positions, "position of the markers", "m"),
+            ("velocity", "marker", velocities, "velocity of the markers", "m/s"),
+            ("stop_torque", "stop", self.stop_torques, "torque of the stops", torque_unit),
+            ("joint_reaction", "joint", self.joint_reactions, "force on the joint's child", "N"),
+            ("joint_gap", "open_joint", self.joint_gaps, "distance of the joint's points", "m"),
+        ]
+
+    def _attributes(self) -> dict[str, str]:
+        return {
+            "format": FORMAT,
+            "mechanism": self.mechanism.model_dump_json(),
+            "provenance": json.dumps(asdict(self.provenance)),
+            "impacts": json.dumps([[time, dict(impulses)] for time, impulses in self.impacts]),
+        }
 
     def launch(self, angle: float | None = None, marker: str = "projectile") -> Launch | None:
         """When the marker's velocity first comes down to the launch angle; None if it does not.
@@ -147,6 +196,12 @@ class Trajectory:
         if opened is None:
             return None
         return locate_launch(self.t, self.marker(marker).position, self.marker(marker).velocity, angle, opened)
+
+
+def _labelled(
+    values: FloatArray, dims: tuple[str, ...], label: str, units: str
+) -> tuple[tuple[str, ...], FloatArray, dict[str, str]]:
+    return dims, values, {"long_name": label, "units": units}
 
 
 def _named(what: str, name: str, among: Mapping[str, _T]) -> _T:

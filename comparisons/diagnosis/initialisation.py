@@ -48,7 +48,7 @@ def looped(mechanism: Mechanism) -> Mechanism | None:
 
     Closed stops stay where they are, and still touch.
     """
-    if not any(mechanism.loops_apart.values()):
+    if not any(mechanism.loop_closure_residual.values()):
         return mechanism
     start = _nearest(mechanism, [_place_of(stop.model_dump()) for stop in mechanism.stops])
     return None if start is None else built({**mechanism.model_dump(), "start": start})

@@ -8,9 +8,8 @@ from pydantic import Field
 
 from ..mechanism import GROUND, Marker, Mechanism, PinJoint
 from ..spec import Positive, Spec
-from .arm import loaded_arm
 from .parameters import Angle
-from .trebuchet import COUNTERWEIGHT, FULCRUM, PROJECTILE
+from .trebuchet import COUNTERWEIGHT, FULCRUM, PROJECTILE, loaded_arm
 
 
 class CatapultParameters(Spec):

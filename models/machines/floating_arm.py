@@ -12,10 +12,9 @@ from pydantic import Field
 
 from ..mechanism import Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint
 from ..spec import Positive, Spec
-from .arm import loaded_arm
 from .hinged import TROUGH
 from .parameters import Angle
-from .trebuchet import COUNTERWEIGHT, PROJECTILE, SLING_PIN
+from .trebuchet import COUNTERWEIGHT, PROJECTILE, SLING_PIN, loaded_arm
 
 DROP, TRACK = "drop", "track"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from ..errors import InputError
 from ..mechanism import GROUND, Body, Marker, Mechanism, PinJoint, SlotJoint, Stop
@@ -92,3 +93,18 @@ def _stops(p: TrebuchetParameters) -> tuple[Stop, ...]:
     sling = Stop(name=SLING_REST, body="sling", relative_to="arm", sense=1, limit=p.phi0 - p.theta0, closed=True)
     arm = Stop(name=ARM_STOP, body="arm", sense=-1, limit=-3 * math.pi / 2, closed=False)
     return (hanger, sling, arm)
+
+
+def loaded_arm(l1: float, l2: float, mass: float, loads: Mapping[float, float]) -> Body:
+    """A uniform rod from -l2 to l1 along its own x axis, with point masses fixed to it.
+
+    Args:
+        l1, l2: from the fulcrum to the sling's and to the counterweight's end [m].
+        mass: of the rod alone [kg].
+        loads: mass [kg] at each place along the arm [m].
+    """
+    middle, whole = (l1 - l2) / 2, mass + sum(loads.values())
+    centre = (mass * middle + sum(load * place for place, load in loads.items())) / whole
+    rod = mass * ((l1 + l2) ** 2 / 12 + (middle - centre) ** 2)
+    points = sum(load * (place - centre) ** 2 for place, load in loads.items())
+    return Body(name="arm", angle="theta", mass=whole, centre=(centre, 0), inertia=rod + points)

@@ -18,7 +18,7 @@ from trebucheck.comparisons.recommend.snippets import EXUDYN_PYTHON, MJCF, MUJOC
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Trials
 from trebucheck.models.mjcf.writer import mjcf, torque_sensor
-from trebucheck.models.schema import schema_text
+from trebucheck.models.spec import schema_text
 
 BUILDERS = {"fixed": tb.fixed, "rolling": tb.rolling}
 ASKED = Asked(position=0.1, torque_share=0.01)

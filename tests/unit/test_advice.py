@@ -27,7 +27,7 @@ from trebucheck.comparisons.recommend.target import read_torque
 from trebucheck.comparisons.runs.deviation import Deviation
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Trial, Trials
-from trebucheck.models.schema import schema_text
+from trebucheck.models.spec import schema_text
 
 ENGINES = ("mujoco", "pymunk", "exudyn")
 STEPS = ladder(1.8)

@@ -42,7 +42,7 @@ from trebucheck.models.errors import InputError
 from trebucheck.models.machines.trebuchet import HANGER_REST, fixed
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
-from trebucheck.models.schema import schema_text
+from trebucheck.models.spec import schema_text
 from trebucheck.models.trajectory import Trajectory
 
 ENGINES: tuple[type[BuiltinEngine], ...] = (MujocoEngine, PymunkEngine, ExudynEngine)

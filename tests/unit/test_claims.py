@@ -11,7 +11,7 @@ import jsonschema
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.models.schema import schema_text
+from trebucheck.models.spec import schema_text
 from trebucheck.paper.apart import begun
 from trebucheck.paper.claims import UNREACHED, order
 from trebucheck.paper.evidence import Row, spread

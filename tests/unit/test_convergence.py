@@ -28,7 +28,7 @@ from trebucheck.comparisons.runs.runner import run_duration
 from trebucheck.comparisons.runs.store import Store
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Trials
-from trebucheck.models.schema import schema_text
+from trebucheck.models.spec import schema_text
 
 STEPS = 1e-2 / 2.0 ** np.arange(9)
 

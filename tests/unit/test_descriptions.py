@@ -12,7 +12,7 @@ import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given
 from hypothesis import strategies as st
-from trebucheck.models.schema import mechanism_schema
+from trebucheck.models.mechanism import mechanism_schema
 
 FIELDS = list(tb.TrebuchetParameters.model_fields)
 POSITIVE = [name for name in FIELDS if not name.endswith("0")]

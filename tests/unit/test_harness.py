@@ -21,7 +21,7 @@ from trebucheck.comparisons.runs.results import Metric, Outcome, Results, Run
 from trebucheck.comparisons.runs.store import Store
 from trebucheck.comparisons.runs.tolerances import judge
 from trebucheck.models.dataset import load, save
-from trebucheck.models.schema import schema_text
+from trebucheck.models.spec import schema_text
 from trebucheck.reference.solver import solve
 
 

@@ -11,7 +11,7 @@ import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
-from trebucheck.models.schema import schema_text
+from trebucheck.models.spec import schema_text
 from trebucheck.reference.certification import certificate as module
 from trebucheck.reference.certification.certificate import (
     Certificate,
