@@ -36,14 +36,15 @@ def converge_command(
 
     trebucheck converge --models rolling --engines mujoco --knobs timestep,solref --set l1=9.5
     """
-    from ..comparisons.converge.page import page
+    from ..comparisons.converge.report import document
     from ..comparisons.converge.study import converge
-    from ..comparisons.converge.terminal import print_studies
+    from ..comparisons.report import html, terminal
 
     machines = options.machines(models, options.parameters(assignments, beam))
     chosen = options.names(knobs, "--knobs") if knobs else None
     study = options.study(machines, engines, out, resume, timeout)
     with output.progress() as show:
         studies = converge(replace(study, progress=show), chosen)
-    data, report = (out / "converge.json", studies.to_json()), (out / "converge.html", lambda: page(studies))
-    output.write(data, report, partial(print_studies, studies), "Report")
+    report, data = document(studies), (out / "converge.json", studies.to_json())
+    page = out / "converge.html", partial(html.page, report)
+    output.write(data, page, partial(terminal.show, report), "Report")

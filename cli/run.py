@@ -33,7 +33,7 @@ def run_command(
     trebucheck run --engine pymunk --preset stock --option iterations=30
     """
     from ..comparisons.report import terminal
-    from ..comparisons.runs.report import document
+    from ..comparisons.report.run import document
     from ..engines.registry import engine as make
     from ..models.dataset import save
     from ..models.files import refuse_unwritable

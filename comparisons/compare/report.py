@@ -125,7 +125,7 @@ def document(comparison: Comparison) -> Document:
     ]
     for machine in results.machines:
         blocks += _chapter(comparison, machine)
-    runs = ((run.model, run) for run in results.runs)
+    runs = ((run.model, run.label, run.engine_version, run.settings) for run in results.runs)
     end = provenance(results, runs, [(machine.model, machine.mechanism) for machine in results.machines])
     blocks += [*end, terminal_only(findings), terminal_only(Text(verdict(results)))]
     return Document("trebucheck", tuple(blocks), "trebucheck report")

@@ -10,8 +10,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from ..report.plots import finish, run_style
-from .results import QuantityName, Study
-from .text import exponent
+from .results import PowerLaw, QuantityName, Study
 
 _QUANTITIES: tuple[QuantityName, ...] = ("position", "torque")
 _MARKS = {"tuned": "circle", "stock": "square-open"}
@@ -29,13 +28,13 @@ def convergence(studies: Sequence[Study]) -> go.Figure:
     return _finished(figure, 520)
 
 
-def knob(study: Study) -> go.Figure:
-    """Error against one knob; where it can be told apart, the part of it that the knob makes."""
+def swept_parameter(study: Study) -> go.Figure:
+    """Error against one parameter, and where it can be isolated, the part of it that the parameter makes."""
     figure = _pair([study])
     for column, quantity in enumerate(_QUANTITIES, start=1):
         if study.own:
             _points(figure, study, quantity, column, name="whole error", whole=True)
-        name = "made by the knob" if study.own else "error"
+        name = "part of the parameter" if study.own else "error"
         _points(figure, study, quantity, column, name=name)
         _line(figure, study, quantity, column)
     figure.update_xaxes(title=f"{study.title} [{study.unit}]")
@@ -64,6 +63,11 @@ def work_precision(studies: Sequence[Study]) -> go.Figure:
             )  # fmt: skip
     figure.update_xaxes(title="wall time, warm [s]")
     return _finished(figure, 480)
+
+
+def exponent(law: PowerLaw | None) -> str:
+    """Exponent and half width of its confidence interval."""
+    return "none" if law is None else f"{law.exponent:.3f} ± {law.half_width:.3f}"
 
 
 def _pair(studies: Sequence[Study]) -> go.Figure:

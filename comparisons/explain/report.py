@@ -67,7 +67,7 @@ def document(explanation: Explanation) -> Document:
     ]
     for machine in explanation.machines:
         blocks += _chapter(explanation, machine)
-    runs = ((budget.model, budget) for budget in explanation.budgets)
+    runs = ((budget.model, budget.label, budget.engine_version, budget.settings) for budget in explanation.budgets)
     blocks += provenance(explanation, runs, [(machine.model, machine.mechanism) for machine in explanation.machines])
     blocks.append(terminal_only(Text(verdict(explanation))))
     return Document("Where the errors come from", tuple(blocks), "trebucheck explain")

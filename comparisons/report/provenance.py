@@ -3,38 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Protocol
 
 from ...models.mechanism import Mechanism
+from ..runs.results import ResultFile
 from .document import Block, Code, Fold, Heading, Note, page_only, table, words
 from .numbers import format_settings
 
-
-class _Result(Protocol):
-    @property
-    def trebucheck_version(self) -> str: ...
-    @property
-    def python_version(self) -> str: ...
-    @property
-    def platform(self) -> str: ...
-
-
-class _Run(Protocol):
-    @property
-    def label(self) -> str: ...
-    @property
-    def engine_version(self) -> str: ...
-    @property
-    def settings(self) -> Mapping[str, object]: ...
+Settings = tuple[str, str, str, Mapping[str, object]]
+"""Machine, engine (and what else names the run), version, and settings."""
 
 
 def provenance(
-    result: _Result, runs: Iterable[tuple[str, _Run]], mechanisms: Sequence[tuple[str, Mechanism]]
+    result: ResultFile, runs: Iterable[Settings], mechanisms: Sequence[tuple[str, Mechanism]]
 ) -> tuple[Block, ...]:
-    """Versions, the settings of each run with the name of its machine, and each machine's mechanism."""
+    """Versions, the settings of each run, and each machine's mechanism."""
     software = f"trebucheck {result.trebucheck_version}, Python {result.python_version}, {result.platform}."
-    rows = [(model, run.label, run.engine_version, format_settings(run.settings)) for model, run in runs]
     columns = (words("machine", wrap=False), words("engine", wrap=False), words("version"), words("settings"))
+    rows = [(model, label, version, format_settings(settings)) for model, label, version, settings in runs]
     return (
         Heading("Provenance", 2),
         Note(software),

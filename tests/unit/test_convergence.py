@@ -18,12 +18,13 @@ from trebucheck.cli.app import main
 from trebucheck.comparisons.converge import study as studying
 from trebucheck.comparisons.converge.fit import FEWEST, SLOPE, power_law
 from trebucheck.comparisons.converge.floor import Site, floor, notches
-from trebucheck.comparisons.converge.page import page
 from trebucheck.comparisons.converge.parameters import knob_names, knobs
+from trebucheck.comparisons.converge.report import document
 from trebucheck.comparisons.converge.results import Studies
 from trebucheck.comparisons.converge.richardson import ASYMPTOTIC, Level, largest, limit, observed_order, weights
 from trebucheck.comparisons.converge.steps import fitting
 from trebucheck.comparisons.converge.study import converge
+from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.runs.runner import run_duration
 from trebucheck.comparisons.runs.store import Store
 from trebucheck.comparisons.runs.study import Study
@@ -315,7 +316,7 @@ def test_plugins_are_studied_and_failures_are_points(studies: Studies) -> None:
             # What gives the reference back is no distance from it, and nothing is claimed of it.
             assert all(point.position == 0.0 for point in study.points)
             assert study.curve("position").law is None
-    text = page(studies)
+    text = page(document(studies))
     assert "ZeroDivisionError: careless" in text and "Fixed machine" in text
     assert not re.search(r"<(script|link|img)[^>]+(src|href)=.(https?:)?//", text), "the page must need nothing else"
 

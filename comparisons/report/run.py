@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...models.trajectory import Trajectory
-from ..report.document import Column, Document, table, words
+from .document import Column, Document, table, words
 
 
 def document(trajectory: Trajectory) -> Document:

@@ -1,0 +1,278 @@
+"""Convergence studies as a document."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+
+import numpy as np
+
+from ..report.document import (
+    Block,
+    Cell,
+    Column,
+    Document,
+    Figure,
+    Fold,
+    Heading,
+    Listing,
+    Medium,
+    Note,
+    Row,
+    Table,
+    Text,
+    row,
+    table,
+    terminal_only,
+    words,
+)  # fmt: skip
+from ..report.numbers import format_number, format_settings
+from ..report.provenance import provenance
+from . import plots
+from .results import Curve, LimitPair, MachineStudies, Point, Studies, Study
+
+_INTRODUCTION = (
+    "Each parameter of each engine is swept through its values; the errors are the largest distances from the "
+    "reference up to the launch. An exponent is the slope of a straight line in the log-log plane with its 95 % "
+    "confidence interval (Student t), over the run of points along which the error changes most without its slope "
+    "departing by more than 0.1; the rule knows of no expected exponent. A floor is an error that the parameter does "
+    "not lower; its cause is found by refining every other parameter by one step there. “Stock” is what an engine's "
+    "documentation leads a newcomer to, “tuned” the most accurate settings found."
+)
+_LIMITS = (
+    "Largest distance between the projectiles over the whole throw, with the time step extrapolated away [m]. The "
+    "limits are chosen without the reference: of all three neighbouring steps whose successive differences show a "
+    "whole order, those whose limits from two and three levels lie nearest to each other."
+)
+_WORK = (
+    "Error against wall time of the whole simulation, warm: median of the repeats, bars from the quickest to the "
+    "slowest."
+)
+_OTHERS = (
+    "Where the error of the swept parameter itself can be isolated, exponents are of that part: the distance from the "
+    "run without it. “What is left” is then the error of that run."
+)
+
+
+def document(studies: Studies) -> Document:
+    """All studies; the terminal has the orders, laws and limits of the positions, and what failed."""
+    failures = tuple(Text(sentence, "warning") for sentence in _failures(studies))
+    blocks: list[Block] = [Note(_INTRODUCTION)]
+    if failures:
+        blocks.append(Fold(f"What did not run ({len(failures)})", (Listing(failures),), opened=len(failures) <= 5))
+    for machine in studies.machines:
+        blocks += _chapter(machine)
+    runs = (
+        (machine.model, f"{study.label}, {study.knob}", study.engine_version, study.settings)
+        for machine in studies.machines
+        for study in machine.studies
+    )
+    blocks += provenance(studies, runs, [(machine.model, machine.mechanism) for machine in studies.machines])
+    blocks.append(terminal_only(Listing(failures)))
+    return Document("How errors fall", tuple(blocks), "trebucheck converge")
+
+
+def _failures(studies: Studies) -> list[str]:
+    """One sentence a failed point, and one an engine that is not installed."""
+    failed = [
+        f"{machine.model}, {study.label}, {study.title} = {_value(study, point)}: {point.message}"
+        for machine in studies.machines
+        for study in machine.studies
+        for point in study.points
+        if point.message is not None
+    ]
+    absent = dict.fromkeys(name for machine in studies.machines for name in machine.absent)
+    return [*(f"{name} is not installed here." for name in absent), *failed]
+
+
+def _value(study: Study, point: Point) -> str:
+    """A setting with its unit."""
+    return f"{point.value:.3g}" if study.unit == "1" else f"{point.value:.3g} {study.unit}"
+
+
+def _chapter(machine: MachineStudies) -> Iterator[Block]:
+    steps = [study for study in machine.studies if study.knob == "timestep"]
+    others = [study for study in machine.studies if study.knob != "timestep"]
+    known = machine.uncertainty
+    yield Heading(f"{machine.model.capitalize()} machine", 2, machine.model)
+    yield Note(
+        f"Compared from the start to the launch at {machine.launch_time:.6f} s. The reference is known to "
+        f"{format_number(known['position'])} m and {format_number(known['torque'])} {machine.mechanism.force_unit} "
+        f"(by {machine.uncertainty_source})."
+    )
+    if steps:
+        yield Heading("Order in the time step")
+        yield _orders(machine, steps)
+        yield Figure(partial(plots.convergence, steps))
+        yield Fold("How each floor's cause was found", (_floors(steps),))
+    if machine.pairs:
+        yield from _limits(machine)
+    if steps:
+        yield Heading("Work and precision")
+        yield Figure(partial(plots.work_precision, steps), caption=_WORK)
+    if others:
+        yield Heading("Other swept parameters")
+        yield Note(_OTHERS)
+        yield _laws(machine, others)
+        for study in others:
+            yield Figure(partial(plots.swept_parameter, study), f"{study.label}: {study.title}", _about(study))
+    yield Fold("Every point", tuple(_points(study, machine.mechanism.force_unit) for study in machine.studies))
+
+
+def _orders(machine: MachineStudies, studies: Sequence[Study]) -> Table:
+    columns = (
+        words("engine", wrap=False),
+        words("quantity", medium="page"),
+        Column("expected", medium="page"),
+        words("order"),
+        words("range [s]"),
+        words("floor"),
+        words("set by"),
+        words("limit to reference"),
+        Column("its own error", "m", medium="page"),
+        Column("finest level", "s", medium="page"),
+    )
+    rows = [
+        row(_first(curve, study.label), curve.quantity, *law, *_limit(machine, study, curve), medium=_medium(curve))
+        for study in studies
+        for curve in study.curves
+        for law in [_law(study, curve)]
+    ]
+    return table(columns, rows, f"{machine.model}: order of the position's error in the time step, 95 % confidence")
+
+
+def _medium(curve: Curve) -> Medium:
+    """Terminals have the laws of the positions only."""
+    return "any" if curve.quantity == "position" else "page"
+
+
+def _first(curve: Curve, name: str) -> str:
+    """What names a study stands in its first row."""
+    return name if curve.quantity == "position" else ""
+
+
+def _law(study: Study, curve: Curve) -> tuple[str | Cell, ...]:
+    """Expected and found exponent, the range of the law, the floor and its cause."""
+    expected = f"{study.expected:g}" if study.expected is not None and curve.quantity == "position" else "–"
+    law, floor = curve.law, curve.floor
+    span = "" if law is None else f"{format_number(law.high)} to {format_number(law.low)}"
+    if floor is None:
+        return expected, plots.exponent(law), span, "not reached", ""
+    cause = Cell(floor.cause, hint=floor.evidence)
+    return expected, plots.exponent(law), span, f"{format_number(floor.error)} {curve.unit}", cause
+
+
+def _limit(machine: MachineStudies, study: Study, curve: Curve) -> tuple[str, str, str]:
+    """Distance of Richardson's limit from the reference, the limit's own error, and the finest of its steps."""
+    limit = machine.limit(study.label)
+    error = None if limit is None else limit.torque if curve.quantity == "torque" else limit.position
+    if limit is None or error is None:
+        return "none", "", ""
+    distance = f"{format_number(error)} {curve.unit}"
+    if curve.quantity == "torque":
+        return distance, "", ""
+    return distance, format_number(limit.estimate), format_number(limit.levels[-1])
+
+
+def _floors(studies: Sequence[Study]) -> Table:
+    columns = (
+        words("engine", wrap=False),
+        words("quantity"),
+        Column("floor"),
+        Column("at", "s"),
+        words("cause"),
+        words("measured there: share of the error that is left"),
+    )
+    rows = [
+        (study.label, curve.quantity, _law(study, curve)[3], format_number(floor.value), floor.cause, floor.evidence)
+        for study in studies
+        for curve in study.curves
+        if (floor := curve.floor) is not None
+    ]
+    return table(columns, rows, "Floors and their causes")
+
+
+def _limits(machine: MachineStudies) -> Iterator[Block]:
+    tuned = [pair for pair in machine.pairs if pair.first.endswith(" tuned") and pair.second.endswith(" tuned")]
+    to_reference = [
+        row(limit.label, "reference", format_number(limit.position), medium="page")
+        for limit in machine.limits
+        if limit.preset == "tuned"
+    ]
+    yield Heading("Limits against each other")
+    yield Note(_LIMITS)
+    yield _pairs(tuned, f"{machine.model}: Richardson limits against each other", to_reference)
+    if len(machine.pairs) > len(tuned):
+        yield Fold("All pairs, stock presets among them", (_pairs(machine.pairs, "All pairs"),))
+
+
+def _pairs(pairs: Sequence[LimitPair], caption: str, before: Sequence[Row] = (), medium: Medium = "any") -> Table:
+    rows = [*before, *(row(pair.first, pair.second, format_number(pair.position)) for pair in pairs)]
+    columns = (words("first", wrap=False), words("second", wrap=False), Column("position", "m"))
+    return table(columns, rows, caption, medium)
+
+
+def _laws(machine: MachineStudies, studies: Sequence[Study]) -> Table:
+    columns = (
+        words("engine", wrap=False),
+        words("swept parameter", medium="page"),
+        words("parameter", wrap=False, medium="terminal"),
+        words("quantity", medium="page"),
+        words("expected"),
+        words("exponent"),
+        words("range"),
+        words("what is left"),
+        words("set by"),
+    )
+    rows = [
+        row(*(_first(curve, name) for name in names), curve.quantity, *_law(study, curve), medium=_medium(curve))
+        for study in studies
+        for names in [(study.label, study.title, str(study.base.get("integrator", study.knob)))]
+        for curve in study.curves
+    ]
+    return table(columns, rows, f"{machine.model}: other swept parameters, exponent of the position's error")
+
+
+def _about(study: Study) -> str:
+    """Why a parameter is swept, at which other options, and what is left."""
+    sentences = [f"{study.why[:1].upper()}{study.why[1:]}."]
+    if study.base:
+        sentences.append(f"At {format_settings(study.base)}.")
+    sentences += [
+        f"{curve.quantity.capitalize()}: {format_number(curve.floor.error)} {curve.unit} is left; "
+        f"cause: {curve.floor.cause} ({curve.floor.evidence})."
+        for curve in study.curves
+        if curve.floor is not None
+    ]
+    return " ".join(sentences)
+
+
+def _points(study: Study, force_unit: str) -> Table:
+    own = (Column("of the parameter", "m"), Column("of the parameter", force_unit)) if study.own else ()
+    columns = (
+        Column(study.title, study.unit),
+        words("options"),
+        Column("position", "m"),
+        Column("torque", force_unit),
+        *own,
+        Column("steps"),
+        Column("wall", "s"),
+    )
+    return table(columns, [_point(study, point) for point in study.points], f"{study.label}: {study.title}", "page")
+
+
+def _point(study: Study, point: Point) -> tuple[object, ...]:
+    setting = f"{point.value:.5g}", format_settings(point.options)
+    if point.message is not None:
+        return *setting, Cell(point.message, "warning")
+    errors = [point.position, point.torque, *([point.own_position, point.own_torque] if study.own else [])]
+    return *setting, *map(format_number, errors), point.steps, _wall(point)
+
+
+def _wall(point: Point) -> str:
+    """Median wall time, and from the quickest to the slowest where there are more [s]."""
+    times = point.wall_times
+    if not times:
+        return "–"
+    text = f"{np.median(times):.3f}"
+    return text if len(times) == 1 else f"{text} ({min(times):.3f} to {max(times):.3f})"
