@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.mechanism import GROUND, PointStop, Stop
+from ...models.mechanism import AnyStop, PointStop, Stop
 
 ROUNDING = 1e-15  # [rad] of the difference of two angles of some radians; [m per m] of a point's position
 
@@ -39,7 +39,7 @@ class Spring:
 
 
 class UnilateralConstraint(Protocol):
-    """A stop's connector; `values` are those of one row of sensors, but for :meth:`torque`."""
+    """The connector of a stop."""
 
     @property
     def sense(self) -> int:
@@ -55,18 +55,6 @@ class UnilateralConstraint(Protocol):
 
     def connector_gap(self, output: Output, values: Values) -> float:
         """Gap by the connector's own measure at the current state [rad, m]."""
-        ...
-
-    def gap(self, values: Values) -> float:
-        """Gap by the bodies' coordinates [rad, m]."""
-        ...
-
-    def gap_speed(self, values: Values) -> float:
-        """Speed of the gap [rad/s, m/s]."""
-        ...
-
-    def gap_acceleration(self, values: Values, rotations: Mapping[str, float]) -> float:
-        """Acceleration of the gap [rad/s^2, m/s^2]; `rotations` are the bodies' rotational accelerations [rad/s^2]."""
         ...
 
     def rounding(self, values: Values) -> float:
@@ -96,28 +84,9 @@ class AngleLimit:
         """From the constraint's equation, which includes its offset; the offset of a spring is its preload, no gap."""
         return -self.sense * float(output("Displacement" if self.spring else "ConstraintEquation"))
 
-    def gap(self, values: Values) -> float:
-        """From the nodes' rotations."""
-        return self._relative(lambda body: self._rotation(values, body, "CoordinatesTotal")) - self.stop.limit
-
-    def gap_speed(self, values: Values) -> float:
-        """From the nodes' rotational speeds."""
-        return self._relative(lambda body: self._rotation(values, body, "Coordinates_t"))
-
-    def gap_acceleration(self, values: Values, rotations: Mapping[str, float]) -> float:
-        """From the bodies' rotational accelerations."""
-        return self._relative(lambda body: rotations[body])
-
     def rounding(self, values: Values) -> float:
         """Of two angles."""
         return ROUNDING
-
-    def _rotation(self, values: Values, body: str, quantity: str) -> float:
-        return float(values(("body", body, quantity))[0, 2])
-
-    def _relative(self, rotation: Callable[[str], float]) -> float:
-        one, other = (0.0 if body == GROUND else rotation(body) for body in (self.stop.body, self.stop.relative_to))
-        return -self.stop.sense * (one - other)
 
 
 @dataclass(frozen=True)
@@ -146,28 +115,38 @@ class PointContact:
             return -float(displacement)
         return -float(self._along_normal(np.atleast_2d(displacement), values)[0])
 
-    def gap(self, values: Values) -> float:
-        """From the point's position."""
-        return self._component(values, "Position") - self.stop.offset
-
-    def gap_speed(self, values: Values) -> float:
-        """From the point's velocity."""
-        return self._component(values, "Velocity")
-
-    def gap_acceleration(self, values: Values, rotations: Mapping[str, float]) -> float:
-        """From the point's acceleration."""
-        return self._component(values, "Acceleration")
-
     def rounding(self, values: Values) -> float:
         """Of the point's position."""
         return ROUNDING * max(1.0, float(np.abs(values(("stop", self.stop.name, "Position"))).max()))
 
-    def _component(self, values: Values, quantity: str) -> float:
-        return float(values(("stop", self.stop.name, quantity))[0, :2] @ np.array(self.stop.normal))
-
     def _along_normal(self, local: FloatArray, values: Values) -> FloatArray:
         rotation = values(("body", self.stop.body, "CoordinatesTotal"))[:, 2]
         return turned(local, rotation) @ np.array(self.stop.normal)
+
+
+def gap(stop: AnyStop, values: Values) -> float:
+    """Gap of a stop by the bodies' coordinates, of one row of sensors [rad, m]."""
+    return _component(stop, values, "CoordinatesTotal", "Position") - stop.position
+
+
+def gap_speed(stop: AnyStop, values: Values) -> float:
+    """Speed of a stop's gap, of one row of sensors [rad/s, m/s]."""
+    return _component(stop, values, "Coordinates_t", "Velocity")
+
+
+def gap_acceleration(stop: AnyStop, values: Values, rotations: Mapping[str, float]) -> float:
+    """Acceleration of a stop's gap [rad/s^2, m/s^2]; `rotations` are the bodies' rotational accelerations [rad/s^2]."""
+    return stop.component(lambda body: -rotations[body], lambda _body, _local: _point(stop, values, "Acceleration"))
+
+
+def _component(stop: AnyStop, values: Values, of_body: str, of_point: str) -> float:
+    return stop.component(
+        lambda body: -float(values(("body", body, of_body))[0, 2]), lambda _body, _local: _point(stop, values, of_point)
+    )
+
+
+def _point(stop: AnyStop, values: Values, quantity: str) -> complex:
+    return complex(*values(("stop", stop.name, quantity))[0, :2])
 
 
 def turned(local: FloatArray, rotation: FloatArray) -> FloatArray:

@@ -55,10 +55,11 @@ def _refuse_noise(solver: Solver, row: FloatArray, stiffness: float, name: str, 
     rounding = solver.system.constraints[name].rounding(solver.values(row))
     most = _DIGITS * largest / rounding
     if 0 < most < stiffness:
-        unit, what = stop.force_unit, "angles" if stop.gap_unit == "rad" else "a point's place"
+        unit, what = stop.force_unit, "angles" if stop.effort == "torque" else "a point's place"
         raise InputError(
-            f"stop_stiffness = {stiffness:g} {unit}/{stop.gap_unit} would turn the rounding of {what} into "
-            f"{stiffness * rounding:.2g} {unit}, of {largest:.3g} {unit} in the stops; at most {most:.2g} is resolved."
+            f"stop_stiffness = {stiffness:g} {unit}/{stop.gap_unit} would turn the rounding of {what} into a "
+            f"{stop.effort} of {stiffness * rounding:.2g} {unit}, of {largest:.3g} {unit} in the stops; at most "
+            f"{most:.2g} is resolved."
         )
 
 

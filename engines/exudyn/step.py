@@ -19,7 +19,7 @@ from ...models.problem import Problem, StopLaw
 from ..contact_events import SAME_TIME, ContactEvents, Contacts, active_contacts, resting
 from ..protocol import Recording
 from .build import build, silence
-from .constraints import Values
+from .constraints import Values, gap, gap_acceleration, gap_speed
 from .impact import resolve_impact
 from .options import ExudynOptions
 from .read import Reader, recording
@@ -200,7 +200,7 @@ class _Motion:
         """Acceleration of a stop's gap [rad/s^2, m/s^2]."""
         names = (body.name for body in self.mechanism.bodies)
         rotations = dict(zip(names, balance.accelerations[2::3].tolist(), strict=True))
-        return self.system.constraints[name].gap_acceleration(self.solver.values(balance.row), rotations)
+        return gap_acceleration(self.mechanism.stop(name), self.solver.values(balance.row), rotations)
 
 
 class _UnilateralMotion(_Motion):
@@ -231,8 +231,8 @@ class _UnilateralMotion(_Motion):
 
     def _met(self, active: Contacts, values: Values) -> list[str]:
         """Inactive stops in penetration that close; one that has just opened may penetrate by the drift it had."""
-        inactive = ((name, found) for name, found in self.system.constraints.items() if name not in active)
-        return [name for name, found in inactive if found.gap(values) < 0.0 > found.gap_speed(values)]
+        inactive = (stop for stop in self.mechanism.stops if stop.name not in active)
+        return [stop.name for stop in inactive if gap(stop, values) < 0.0 > gap_speed(stop, values)]
 
     def _onto_zero_gap(self, table: FloatArray, active: Contacts, name: str) -> tuple[float, FloatArray]:
         """When the gap of a stop is zero, in the last steps of a table [s], and a table up to there.
@@ -255,9 +255,9 @@ class _UnilateralMotion(_Motion):
 
     def _newton(self, time: float, values: Values, name: str, latest: float) -> float:
         """The next guess of when a gap is zero [s]; half way back where the gap grows, on the wrong side of a turn."""
-        found = self.system.constraints[name]
-        speed = found.gap_speed(values)
-        return (time + latest) / 2 if speed >= 0 else min(time - found.gap(values) / speed, latest)
+        stop = self.mechanism.stop(name)
+        speed = gap_speed(stop, values)
+        return (time + latest) / 2 if speed >= 0 else min(time - gap(stop, values) / speed, latest)
 
     def _last(self, table: FloatArray) -> Values:
         return self.solver.values(table[-1])
@@ -265,9 +265,8 @@ class _UnilateralMotion(_Motion):
     def _after_impact(self, table: FloatArray, active: Contacts, name: str) -> Segment:
         """What follows where a stop is met at the end of a table."""
         state, values = self.solver.state(table, -1), self._last(table)
-        found = self.system.constraints
-        touching = self.events.touching(state.t, name, active, lambda other: found[other].gap(values))
-        restitution = self.events.restitution({other: found[other].gap_speed(values) for other in touching})
+        touching = self.events.touching(state.t, name, active, lambda other: gap(self.mechanism.stop(other), values))
+        restitution = self.events.restitution(self._gap_speeds(touching, values))
         after, impulses = resolve_impact(self.system, state, restitution)
         self.events.note_impact(state.t, impulses)
         return Segment(table, after, self._resting(after, touching))
@@ -275,9 +274,12 @@ class _UnilateralMotion(_Motion):
     def _resting(self, state: State, touching: Contacts) -> Contacts:
         """Of the stops that touch after an impact, those that neither part nor would have to pull."""
         values = self.solver.values(self.solver.balance(state, ()).row)
-        rest = resting({name: self.system.constraints[name].gap_speed(values) for name in touching})
+        rest = resting(self._gap_speeds(touching, values))
         self.events.release((name for name in touching if name not in rest), state.t)
         return self._pushing(state, rest)
+
+    def _gap_speeds(self, names: Contacts, values: Values) -> dict[str, float]:
+        return {name: gap_speed(self.mechanism.stop(name), values) for name in names}
 
     def _torques(self, reader: Reader) -> dict[str, FloatArray]:
         """Of all stops: the multiplier of one that is open is zero."""
