@@ -44,15 +44,9 @@ Contacts = tuple[str, ...]
 class ContactEvents:
     """Keeps the releases and impacts of one run, and applies their rules."""
 
-    def __init__(self, mechanism: Mechanism, engine: str, rest_speed: float | None = REST_SPEED) -> None:
-        """Start with no event.
-
-        Args:
-            mechanism: what moves.
-            engine: its name in messages.
-            rest_speed: contacts met more slowly than this are plastic [rad/s, m/s]; None: the adapter names them.
-        """
-        self.mechanism, self.engine, self.rest_speed = mechanism, engine, rest_speed
+    def __init__(self, mechanism: Mechanism, engine: str) -> None:
+        """Start with no event; `engine` is the name in messages."""
+        self.mechanism, self.engine = mechanism, engine
         self.releases: dict[str, float | None] = {stop.name: None for stop in mechanism.stops}
         """First opening of each stop that was closed at the start [s]."""
         self.impacts: list[tuple[float, Mapping[str, float]]] = []
@@ -88,13 +82,10 @@ class ContactEvents:
 
         Args:
             speeds: of the gaps before the impact [rad/s, m/s].
-            plastic: contacts that do not rebound, besides those met slowly.
+            plastic: contacts whose rebounds are too low for the adapter's steps to follow.
         """
-        slow = {name for name, speed in speeds.items() if self.rest_speed is not None and speed >= -self.rest_speed}
-        return {name: 0.0 if name in slow or name in plastic else self._restitution(name) for name in speeds}
-
-    def _restitution(self, name: str) -> float:
-        return self.mechanism.stop(name).restitution
+        rebounding = {name for name, speed in speeds.items() if speed < -REST_SPEED and name not in plastic}
+        return {name: self.mechanism.stop(name).restitution if name in rebounding else 0.0 for name in speeds}
 
     def note_impact(self, time: float, impulses: Mapping[str, float]) -> None:
         """Record an impact.
@@ -130,7 +121,7 @@ def active_contacts(touching: Contacts, violated: Callable[[Contacts], str | Non
             active, or that would close while it is inactive; None if there is none.
     """
     active, tried = touching, set[Contacts]()
-    while active not in tried and (wrong := violated(active)):
+    while touching and active not in tried and (wrong := violated(active)):
         tried.add(active)
         active = tuple(name for name in touching if (name in active) != (name == wrong))
     return active

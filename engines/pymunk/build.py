@@ -1,12 +1,12 @@
 """A mechanism made of Chipmunk's bodies and constraints.
 
-Chipmunk knows no massless body and no inertia of zero, so each body of the mechanism is given as one that moves
-alike (equal mass, first and second moment about its pin):
+Chipmunk has no massless body and no inertia of zero, so each body of the mechanism is represented by one that moves
+in the same way (equal mass, first and second moment about its pin):
 
 - a *bob*: a body that hangs on another one is a point mass at its centre of oscillation, on a massless rod, and the
-  rest of its mass sits on the pin, in the other body. A point mass on a massless rod is its own bob.
-- a *turning* body keeps its inertia. Where it is pinned to the ground, mass on the pin never moves: given a large
-  one, the body hardly has an arm from its centre to the pin, and the pin hardly couples with the other joints.
+  rest of its mass is at the pin, in the other body. A point mass on a massless rod is its own bob.
+- a *turning* body keeps its inertia. Where it is pinned to the ground, mass at the pin never moves: a large mass there
+  brings the centre close to the pin, so that the pin's impulses hardly couple with those of the other joints.
 
 Chipmunk's angles are counter-clockwise, the mechanism's clockwise. Local points are complex numbers a + i b.
 """
@@ -18,29 +18,28 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass, field
 
-import numpy as np
 import pymunk
 from pymunk import constraints
 
 from ...models.arrays import FloatArray
 from ...models.errors import UnsupportedProblemError
-from ...models.kinematics import Kinematics
+from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import GROUND, Body, Mechanism, PinJoint, PointStop, SlotJoint, Stop
 
 _SAME_POINT = 1e-12  # [m]
-_RAIL = 1.0  # [m] length of the link that holds a point on a line
+_SLIDING_LENGTH = 1.0  # [m] length of the rod that keeps a point on a line
 
 
 @dataclass
 class Part:
-    """How a body of the mechanism stands in the space."""
+    """How a body of the mechanism is represented in the space."""
 
     name: str
     body: pymunk.Body
     reference: complex
     """The engine body's centre, in the mechanism's body frame [m]."""
     pin: complex
-    """Where the body hangs, in its own frame [m]."""
+    """Where the body is pinned, in its own frame [m]."""
     turns: bool
     """Whether the engine body has an angle of its own; a bob has not."""
 
@@ -57,12 +56,12 @@ class Rod:
     length: float
     """[m]"""
     axis: complex | None = None
-    """Direction in which the end on the ground has to go along with the other one: the link across a line."""
+    """Direction of the line along which the end on the ground follows the other one; None if it is fixed."""
 
 
 @dataclass
-class Machine:
-    """A space with all it takes to step and to read it."""
+class Assembly:
+    """A space with what is needed to step and to read it."""
 
     space: pymunk.Space
     mechanism: Mechanism
@@ -78,7 +77,7 @@ class Machine:
 
 @dataclass(frozen=True)
 class _Weights:
-    """Mass [kg], centre [m] and inertia about it [kg m^2] of a body with what was moved onto it."""
+    """Mass [kg], centre [m] and inertia about it [kg m^2] of a body with the masses moved onto it."""
 
     mass: float
     centre: complex
@@ -99,13 +98,13 @@ class _Weights:
         return _Weights(self.mass * factor, pin + arm / factor, inertia)
 
 
-def build(mechanism: Mechanism, closed: Collection[str], error_bias: float, pivot_mass: float) -> Machine:
-    """The mechanism in its start position and with its start speeds, the named stops closed.
+def build(mechanism: Mechanism, closed: Collection[str], error_bias: float, pivot_mass: float) -> Assembly:
+    """The mechanism in its start position and with its start speeds, the named stops active.
 
     Raises:
         UnsupportedProblemError: it has a part that has no counterpart here; the sentence names it.
     """
-    return _Builder(mechanism, error_bias, pivot_mass).machine_with(closed)
+    return _Builder(mechanism, error_bias, pivot_mass).assembly_with(closed)
 
 
 class _Builder:
@@ -116,23 +115,23 @@ class _Builder:
         self.joints = {joint.child: joint for joint in mechanism.tree_joints}
         space = pymunk.Space()
         space.gravity = (0.0, -mechanism.gravity)
-        self.machine = Machine(space, mechanism, {})
+        self.assembly = Assembly(space, mechanism, {})
 
-    def machine_with(self, closed: Collection[str]) -> Machine:
+    def assembly_with(self, closed: Collection[str]) -> Assembly:
         for part in self._parts():
-            self.machine.parts[part.name] = part
-            self.machine.space.add(part.body)
+            self.assembly.parts[part.name] = part
+            self.assembly.space.add(part.body)
         for body in self.mechanism.bodies:
-            self._hang(self.machine.parts[body.name])
+            self._add_tree_joint(self.assembly.parts[body.name])
         for joint in self.mechanism.loop_joints:
-            self._close(joint)
+            self._add_loop_joint(joint)
         for stop in self.mechanism.stops:
             if stop.closed:
-                self._hold(stop, stop.name in closed)
-        return self.machine
+                self._add_stop(stop, stop.name in closed)
+        return self.assembly
 
     def _parts(self) -> list[Part]:
-        """Parts in the order of the bodies; leaves first, for what they leave on their parents' pins."""
+        """Parts in the order of the bodies; made from the leaves, which move mass to their parents' pins."""
         weights = {b.name: _Weights(b.mass, complex(*b.centre), b.inertia) for b in self.mechanism.bodies}
         parts: list[Part] = []
         for body in reversed(self.mechanism.bodies):
@@ -156,17 +155,17 @@ class _Builder:
             return False
         if own.inertia > 0 and any(not self._is_brace(stop, body.name) for stop in self._stops_of(body.name)):
             return False
-        held = self._points_held(body.name)
-        if own.inertia > 0 and held:
+        constrained = self._constrained_points(body.name)
+        if own.inertia > 0 and constrained:
             return False
-        hung = [complex(*self.joints[child.name].parent_point) for child in children]
-        return all(_same(point, own.centre) for point in (*hung, *held))
+        pins = [complex(*self.joints[child.name].parent_point) for child in children]
+        return all(_same(point, own.centre) for point in (*pins, *constrained))
 
     def _stops_of(self, body: str) -> list[Stop]:
-        return [stop for stop in self.mechanism.angle_stops if stop.closed and body in (stop.body, stop.relative_to)]
+        return [stop for stop in self.mechanism.angle_stops if stop.closed and body in stop.bodies]
 
-    def _points_held(self, body: str) -> list[complex]:
-        """Points of a body at which something else than the tree holds it."""
+    def _constrained_points(self, body: str) -> list[complex]:
+        """Points of a body at which loop joints or stops act on it."""
         loops = self.mechanism.loop_joints
         ends = [(joint.parent, joint.parent_point) for joint in loops]
         ends += [(joint.child, joint.child_point) for joint in loops]
@@ -174,7 +173,7 @@ class _Builder:
         return [complex(*point) for name, point in ends if name == body]
 
     def _is_brace(self, stop: Stop, body: str) -> bool:
-        return {stop.body, stop.relative_to} == {body, self.joints[body].parent}
+        return set(stop.bodies) == {body, self.joints[body].parent}
 
     def _turning(self, body: Body, own: _Weights, joint: PinJoint | SlotJoint) -> _Weights:
         if own.inertia <= 0:
@@ -186,116 +185,118 @@ class _Builder:
         return own.with_pivot_mass(complex(*joint.child_point), self.pivot_mass) if pinned else own
 
     def _part(self, body: Body, weights: _Weights, pin: complex, turns: bool) -> Part:
-        made = pymunk.Body(weights.mass, weights.inertia if turns else math.inf)
+        engine_body = pymunk.Body(weights.mass, weights.inertia if turns else math.inf)
         kinematics = Kinematics(self.mechanism)
         row = kinematics.point(body.name, (weights.centre.real, weights.centre.imag))
-        q, u = start_of(self.mechanism)
-        made.position = _pair(kinematics.position(row, q))
-        made.velocity = _pair(kinematics.velocity(row, q, u))
+        q, u = initial_state(self.mechanism)
+        engine_body.position = _pair(kinematics.position(row, q))
+        engine_body.velocity = _pair(kinematics.velocity(row, q, u))
         if turns:
             index = self.mechanism.bodies.index(body)
-            made.angle, made.angular_velocity = -float(q[index]), -float(u[index])
-        return Part(body.name, made, weights.centre, pin, turns)
+            engine_body.angle, engine_body.angular_velocity = -float(q[index]), -float(u[index])
+        return Part(body.name, engine_body, weights.centre, pin, turns)
 
     def _end(self, name: str, point: complex) -> tuple[pymunk.Body | None, tuple[float, float]]:
         """A point of a body (or of the ground) as an end of a joint."""
         if name == GROUND:
             return None, (point.real, point.imag)
-        part = self.machine.parts[name]
+        part = self.assembly.parts[name]
         arm = point - part.reference
         return part.body, (arm.real, arm.imag)
 
     def _add(self, joint: constraints.Constraint) -> None:
         joint.error_bias = self.error_bias
-        self.machine.space.add(joint)
+        self.assembly.space.add(joint)
 
     def _rod(self, parent: str, parent_point: complex, child: str, child_point: complex, length: float) -> Rod:
         a, end_a = self._end(parent, parent_point)
         b, end_b = self._end(child, child_point)
         assert b is not None
-        joint = constraints.PinJoint(a or self.machine.space.static_body, b, end_a, end_b)
+        joint = constraints.PinJoint(a or self.assembly.space.static_body, b, end_a, end_b)
         joint.distance = length
         return Rod(joint, a, b, end_a, end_b, length)
 
-    def _hang(self, part: Part) -> None:
+    def _add_tree_joint(self, part: Part) -> None:
         joint = self.joints[part.name]
         at = complex(*joint.parent_point)
         if isinstance(joint, SlotJoint):
             slide = self.mechanism.start[self.mechanism.coordinates.index(joint.coordinate or "")]
-            self._keep(self._link(part.name, part.pin, at, complex(*joint.axis), slide))
+            self._add_rod(self._sliding_rod(part.name, part.pin, at, complex(*joint.axis), slide))
         elif not part.turns:
-            self._keep(self._rod(joint.parent, at, part.name, part.reference, abs(part.reference - part.pin)))
+            self._add_rod(self._rod(joint.parent, at, part.name, part.reference, abs(part.reference - part.pin)))
         elif joint.parent == GROUND:
             b, end_b = self._end(part.name, part.pin)
             assert b is not None
-            self._add(constraints.PivotJoint(self.machine.space.static_body, b, (at.real, at.imag), end_b))
+            self._add(constraints.PivotJoint(self.assembly.space.static_body, b, (at.real, at.imag), end_b))
         else:
-            self._pin(joint.parent, at, part.name, part.pin)
+            self._add_pivot(joint.parent, at, part.name, part.pin)
 
-    def _keep(self, rod: Rod) -> None:
+    def _add_rod(self, rod: Rod) -> None:
         self._add(rod.joint)
-        self.machine.rods.append(rod)
+        self.assembly.rods.append(rod)
 
-    def _pin(self, still: str, at: complex, turning: str, point: complex) -> None:
-        # Two rods from the pin to two points of the body hold it like a pivot, and their lengths can be held.
+    def _add_pivot(self, still: str, at: complex, turning: str, point: complex) -> None:
+        # Two rods from the pin to two points of the body act as a pivot, and their lengths can be corrected.
         for direction in (1, 1j):
-            self._keep(self._rod(still, at, turning, point + direction, 1.0))
+            self._add_rod(self._rod(still, at, turning, point + direction, 1.0))
 
-    def _close(self, joint: PinJoint | SlotJoint) -> None:
+    def _add_loop_joint(self, joint: PinJoint | SlotJoint) -> None:
         """A joint that closes a loop."""
         at, point = complex(*joint.parent_point), complex(*joint.child_point)
         if isinstance(joint, SlotJoint):
             axis = complex(*joint.axis)
-            along = ((self._place(joint.child, joint.child_point) - at) * axis.conjugate()).real
-            self._keep(self._link(joint.child, point, at, axis, along))
-        elif self.machine.parts[joint.child].turns:
-            self._pin(joint.parent, at, joint.child, point)
+            along = ((self._position(joint.child, joint.child_point) - at) * axis.conjugate()).real
+            self._add_rod(self._sliding_rod(joint.child, point, at, axis, along))
+        elif self.assembly.parts[joint.child].turns:
+            self._add_pivot(joint.parent, at, joint.child, point)
         elif joint.parent == GROUND:
             for direction in (1, 1j):
-                self._keep(self._rod(GROUND, at + direction, joint.child, point, 1.0))
-        elif self.machine.parts[joint.parent].turns:
-            self._pin(joint.child, point, joint.parent, at)
+                self._add_rod(self._rod(GROUND, at + direction, joint.child, point, 1.0))
+        elif self.assembly.parts[joint.parent].turns:
+            self._add_pivot(joint.child, point, joint.parent, at)
         else:
             # Two point masses turn nothing: a pivot between them is linear, and so exact.
-            a, b = self.machine.parts[joint.parent].body, self.machine.parts[joint.child].body
+            a, b = self.assembly.parts[joint.parent].body, self.assembly.parts[joint.child].body
             self._add(constraints.PivotJoint(a, b, (0.0, 0.0), (0.0, 0.0)))
 
-    def _place(self, body: str, point: tuple[float, float]) -> complex:
-        """Where a body's point is at the start [m]."""
+    def _position(self, body: str, point: tuple[float, float]) -> complex:
+        """Position of a body's point at the start [m]."""
         kinematics = Kinematics(self.mechanism)
-        return complex(*kinematics.position(kinematics.point(body, point), start_of(self.mechanism)[0]))
+        return complex(*kinematics.position(kinematics.point(body, point), initial_state(self.mechanism)[0]))
 
-    def _link(self, body: str, point: complex, origin: complex, axis: complex, along: float) -> Rod:
-        """A rod across a line, which holds a body's point `along` from the line's origin on it.
+    def _sliding_rod(self, body: str, point: complex, origin: complex, axis: complex, along: float) -> Rod:
+        """A rod across a line that keeps a body's point on it, at the start `along` from the line's origin.
 
-        A GrooveJoint on a body that turns about another point leaves only first order, however many passes it gets;
-        a link whose foot goes along keeps the second.
+        A GrooveJoint on a body that turns about another point is of first order only, however many passes it gets;
+        a rod whose anchor moves along the line keeps the second order.
         """
-        rod = self._rod(GROUND, origin + axis * (along - 1j * _RAIL), body, point, _RAIL)
+        rod = self._rod(GROUND, origin + axis * (along - 1j * _SLIDING_LENGTH), body, point, _SLIDING_LENGTH)
         rod.axis = axis
         return rod
 
-    def _hold(self, stop: Stop | PointStop, closed: bool) -> None:
-        """Close a stop, or only see that it could be."""
-        held, rod = self._on_a_wall(stop) if isinstance(stop, PointStop) else self._between(stop)
+    def _add_stop(self, stop: Stop | PointStop, closed: bool) -> None:
+        """Add a stop's joint if it is closed; raise in any case if it cannot be built."""
+        joint, rod = self._point_contact(stop) if isinstance(stop, PointStop) else self._angle_limit(stop)
         if not closed:
             return
         if rod is not None:
-            self.machine.rods.append(rod)
-        self._add(held)
-        self.machine.stops[stop.name] = held
+            self.assembly.rods.append(rod)
+        self._add(joint)
+        self.assembly.stops[stop.name] = joint
 
-    def _on_a_wall(self, stop: PointStop) -> tuple[constraints.Constraint, Rod]:
+    def _point_contact(self, stop: PointStop) -> tuple[constraints.Constraint, Rod]:
         if stop.body == GROUND:
             raise UnsupportedProblemError(f"pymunk cannot hold the stop {stop.name!r}: it is on a point of the ground.")
         normal = complex(*stop.normal)
         axis = -1j * normal
-        along = (self._place(stop.body, stop.point) * axis.conjugate()).real
-        rod = self._link(stop.body, complex(*stop.point), stop.offset * normal, axis, along)
+        along = (self._position(stop.body, stop.point) * axis.conjugate()).real
+        rod = self._sliding_rod(stop.body, complex(*stop.point), stop.offset * normal, axis, along)
         return rod.joint, rod
 
-    def _between(self, stop: Stop) -> tuple[constraints.Constraint, Rod | None]:
-        bobs = [name for name in (stop.body, stop.relative_to) if name != GROUND and not self.machine.parts[name].turns]
+    def _angle_limit(self, stop: Stop) -> tuple[constraints.Constraint, Rod | None]:
+        bobs = [
+            name for name in (stop.body, stop.relative_to) if name != GROUND and not self.assembly.parts[name].turns
+        ]
         if not bobs:
             return self._gear(stop), None
         if len(bobs) == 1 and self._is_brace(stop, bobs[0]):
@@ -307,24 +308,18 @@ class _Builder:
         )
 
     def _gear(self, stop: Stop) -> constraints.GearJoint:
-        static = self.machine.space.static_body
-        b = self.machine.parts[stop.body].body if stop.body != GROUND else static
-        a = self.machine.parts[stop.relative_to].body if stop.relative_to != GROUND else static
+        static = self.assembly.space.static_body
+        b = self.assembly.parts[stop.body].body if stop.body != GROUND else static
+        a = self.assembly.parts[stop.relative_to].body if stop.relative_to != GROUND else static
         return constraints.GearJoint(a, b, b.angle - a.angle, 1.0)
 
     def _brace(self, bob: str) -> Rod:
-        """A rod across the bob's own, from the body it hangs on, as long as its own."""
-        joint, part = self.joints[bob], self.machine.parts[bob]
+        """A rod across the bob's own, of the same length, from the body it hangs on."""
+        joint, part = self.joints[bob], self.assembly.parts[bob]
         angle = dict(zip((b.name for b in self.mechanism.bodies), self.mechanism.start, strict=False)) | {GROUND: 0.0}
         along = (part.reference - part.pin) * cmath.exp(-1j * (angle[bob] - angle[joint.parent]))
-        foot = complex(*joint.parent_point) + along + 1j * along
-        return self._rod(joint.parent, foot, bob, part.reference, abs(along))
-
-
-def start_of(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
-    """Coordinates q and speeds u at t = 0."""
-    q = np.array(mechanism.start, dtype=np.float64)
-    return q, np.array(mechanism.start_speeds, dtype=np.float64) if mechanism.start_speeds else np.zeros_like(q)
+        anchor = complex(*joint.parent_point) + along + 1j * along
+        return self._rod(joint.parent, anchor, bob, part.reference, abs(along))
 
 
 def _same(a: complex, b: complex) -> bool:

@@ -21,8 +21,8 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
     (positions and forces at t = k h, velocities half a step later) it is of second order; read as it comes it is of
     first order. Massless rods with a mass at their end are point masses on PinJoints; a closed stop on an angle is one
     more PinJoint that braces such a rod, or a GearJoint between two bodies that can turn; a point on a line (a slot, a
-    trough) hangs on a PinJoint across it, whose foot goes along; a stop that releases is removed. Where a stop is met,
-    Chipmunk's own impulses make the impact, and a new leapfrog starts. The step is shortened a little where a whole
+    trough) hangs on a PinJoint across it, whose anchor moves along; a stop that releases is removed. At an impact the
+    speeds change by Chipmunk's own impulses, and a new leapfrog starts. The step is shortened a little where a whole
     number of them would not make the duration.
     """
 
@@ -48,9 +48,9 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
 
     def _run(self, problem: Problem) -> Recording:
         # Here and not above: a class must tell that its library is missing, not fail to load.
-        from .run import record
+        from .step import run
 
-        return record(problem, self)
+        return run(problem, self)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The built bodies' inertia, and accelerations and torques by one step of theirs in each state."""

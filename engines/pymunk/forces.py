@@ -1,54 +1,53 @@
 """Forces of joints and stops, from the changes of momentum in a step.
 
-What the bodies' momentum and spin need beyond gravity is what the constraints give. Joints of the tree carry all that
-hangs on them; joints that close a loop and closed stops are the least-squares solution of G^T lam = r, where r is what
-the coordinates miss:
+The constraint forces are the rates of change of the bodies' momentum and angular momentum, less gravity. A joint of
+the tree carries all bodies that it supports; the forces of joints that close a loop and of active stops are the
+least-squares solution of G^T lam = r, with the residual r of the equations of motion without them:
 
     r_k = for an angle, the couple on its body beyond gravity and the tree's forces; for a slide, the force along it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...models.arrays import ComplexArray, FloatArray
 from ...models.kinematics import Kinematics
-from ...models.mechanism import GROUND, Mechanism, PointStop, SlotJoint, Stop
+from ...models.mechanism import GROUND, Mechanism, SlotJoint, Stop
+from ..contact_events import Contacts
 from .read import Reading
 
-_SINGULAR = 1e-10  # of the largest: constraints nearer to each other than this share their force evenly
+_SINGULAR = 1e-10  # of the largest singular value: constraints more nearly dependent than this share their force evenly
 
 
 @dataclass(frozen=True)
 class Forces:
-    """What joints and stops do at the samples."""
+    """Forces of joints and stops at the samples."""
 
     reactions: Mapping[str, ComplexArray]
     """Force of each joint on its child [N], complex, shape (n,)."""
     torques: Mapping[str, FloatArray]
-    """Of the closed stops [N m, or N for one on a point], shape (n,)."""
+    """Of the active stops [N m, or N for one on a point], shape (n,)."""
 
 
-def forces_of(reading: Reading, closed: Sequence[str]) -> Forces:
-    """Forces of all joints and of the closed stops."""
-    mechanism = reading.mechanism
-    needed = _needed(reading)
-    if not mechanism.loop_joints and not any(isinstance(mechanism.stop(name), PointStop) for name in closed):
+def forces_of(reading: Reading, active: Contacts) -> Forces:
+    """Forces of all joints and of the active stops."""
+    mechanism, needed = reading.mechanism, _needed(reading)
+    points = [stop for stop in mechanism.point_stops if stop.name in active]
+    if not mechanism.loop_joints and not points:
         reactions = _tree_reactions(mechanism, needed)
-        return Forces(reactions, _angle_torques(reading, reactions, closed))
-    multipliers = _multipliers(reading, needed, closed)
+        return Forces(reactions, _angle_torques(reading, reactions, active))
+    multipliers = _multipliers(reading, needed, active)
     loops = _loop_forces(mechanism, multipliers)
-    torques = dict(zip(closed, multipliers.T[_n_loops(mechanism) :], strict=True))
+    torques = dict(zip(active, multipliers.T[_n_loops(mechanism) :], strict=True))
     for joint in mechanism.loop_joints:
         _act(needed, joint.child, -loops[joint.name])
         _act(needed, joint.parent, loops[joint.name])
-    for name, torque in torques.items():
-        stop = mechanism.stop(name)
-        if isinstance(stop, PointStop):
-            _act(needed, stop.body, -complex(*stop.normal) * torque)
+    for stop in points:
+        _act(needed, stop.body, -complex(*stop.normal) * torques[stop.name])
     return Forces(_tree_reactions(mechanism, needed) | loops, torques)
 
 
@@ -76,20 +75,19 @@ def _tree_reactions(mechanism: Mechanism, needed: Mapping[str, ComplexArray]) ->
     return forces
 
 
-def _angle_torques(
-    reading: Reading, reactions: Mapping[str, ComplexArray], closed: Sequence[str]
-) -> dict[str, FloatArray]:
-    """Torques of closed stops on angles, all joints being of the tree."""
-    if not closed:
+def _angle_torques(reading: Reading, reactions: Mapping[str, ComplexArray], active: Contacts) -> dict[str, FloatArray]:
+    """Torques of active stops on angles, if all joints are of the tree."""
+    if not active:
         return {}
-    stops = [stop for stop in map(reading.mechanism.stop, closed) if isinstance(stop, Stop)]
+    by_name = {stop.name: stop for stop in reading.mechanism.angle_stops}
+    stops = [by_name[name] for name in active]
     outer = sorted({_outer(reading.mechanism, stop) for stop in stops})
     names = [body.name for body in reading.mechanism.bodies]
     couples = [_couple(reading, names[i], reactions) for i in outer]
     rows = np.array([[_share(stop, names[i]) for i in outer] for stop in stops])
-    # The farther body of each stop feels nothing of the large forces nearer the ground.
+    # The large forces nearer to the ground do not enter the equation of a stop's outer body.
     solved = np.linalg.lstsq(rows.T, np.array(couples), rcond=None)[0]
-    return dict(zip(closed, solved, strict=True))
+    return dict(zip(active, solved, strict=True))
 
 
 def _outer(mechanism: Mechanism, stop: Stop) -> int:
@@ -115,15 +113,15 @@ def _couple(reading: Reading, name: str, reactions: Mapping[str, ComplexArray]) 
     return couple
 
 
-def _multipliers(reading: Reading, needed: Mapping[str, ComplexArray], closed: Sequence[str]) -> FloatArray:
-    """Multipliers of the loop joints, component by component, then of the closed stops; shape (n, n_constraints).
+def _multipliers(reading: Reading, needed: Mapping[str, ComplexArray], active: Contacts) -> FloatArray:
+    """Multipliers of the loop joints, component by component, then of the active stops; shape (n, n_constraints).
 
-    Errors of r are those of accelerations times the mass matrix M, so its inverse is their weight: a light body says
-    more about a small force than the heavy one nearer the ground.
+    Errors of r are those of accelerations times the mass matrix M, so the inverse of M is their weight: the equation of
+    a light body determines a small force better than that of a heavy one nearer to the ground.
     """
     kinematics = Kinematics(reading.mechanism)
     q = reading.coordinates()[0]
-    rows = _rows(kinematics, q, closed)
+    rows = _rows(kinematics, q, active)
     root = np.linalg.cholesky(_mass_matrix(kinematics, q))
     columns = np.linalg.solve(root, np.swapaxes(rows, 1, 2))
     missing = np.linalg.solve(root, _missing(reading, needed)[..., None])
@@ -131,7 +129,7 @@ def _multipliers(reading: Reading, needed: Mapping[str, ComplexArray], closed: S
 
 
 def _missing(reading: Reading, needed: Mapping[str, ComplexArray]) -> FloatArray:
-    """r, shape (n, n_q): what no joint of the tree gives to the coordinates [N m or N]."""
+    """r, shape (n, n_q): the generalized forces that no joint of the tree exerts [N m or N]."""
     mechanism = reading.mechanism
     reactions = _tree_reactions(mechanism, needed)
     couples = [_couple(reading, body.name, reactions) for body in mechanism.bodies]
@@ -139,18 +137,18 @@ def _missing(reading: Reading, needed: Mapping[str, ComplexArray]) -> FloatArray
     return np.stack([*couples, *along], axis=-1)
 
 
-def _rows(kinematics: Kinematics, q: FloatArray, closed: Sequence[str]) -> FloatArray:
-    """G: rates of the loop joints' gaps and of the closed stops', shape (n, n_constraints, n_q)."""
+def _rows(kinematics: Kinematics, q: FloatArray, active: Contacts) -> FloatArray:
+    """G: Jacobian of the loop joints' gaps and of the active stops', shape (n, n_constraints, n_q)."""
     rates = kinematics.rates(q)
     rows: list[FloatArray] = []
     for joint in kinematics.mechanism.loop_joints:
         child = kinematics.point(joint.child, joint.child_point).coefficients
-        apart = rates * (child - kinematics.point(joint.parent, joint.parent_point).coefficients)
+        difference = rates * (child - kinematics.point(joint.parent, joint.parent_point).coefficients)
         if isinstance(joint, SlotJoint):
-            rows.append((apart * _across(joint).conjugate()).real)
+            rows.append((difference * _across(joint).conjugate()).real)
         else:
-            rows += [apart.real, apart.imag]
-    rows += [kinematics.gap_jacobian(name, q) for name in closed]
+            rows += [difference.real, difference.imag]
+    rows += [kinematics.gap_jacobian(name, q) for name in active]
     return np.stack(rows, axis=-2)
 
 

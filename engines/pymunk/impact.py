@@ -1,15 +1,14 @@
-"""Impacts by Chipmunk's own impulses.
+"""The impact of all contacts that touch, by Chipmunk's own impulses.
 
-A step without gravity to the place where the machine stands finds nothing but the impulses that bring each joint's
-speed to what it aims at: zero for the joints, -e times its speed before for a stop (Newton's law of restitution).
-Which of the stops that touch take part is a question of signs, decided for all of them at once: those that do push,
-and the others part no more slowly than their restitution has it (Moreau).
+A step without gravity to the assembly's present position yields only the impulses that bring each joint's speed to
+its target: zero for the joints, -e times its speed before for a stop (Newton's law of restitution). Which contacts
+take part is decided for all of them at once: those that do push, and the others part at no less than their
+restitution demands (Moreau).
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,13 +16,14 @@ from pymunk import constraints
 
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
-from ...models.kinematics import Kinematics
+from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
-from .build import Machine, build, start_of
+from ..contact_events import Contacts, active_contacts, resting
+from .build import Assembly, build
 from .forces import forces_of
-from .velocity_increment import STEP, reading_of, settled_kick
+from .velocity_increment import STEP, reading_of, set_rates, settled_increment
 
-_ROUNDING = 1e-9  # of the speeds, or of the largest impulse: what settled impulses may leave of a zero
+_ROUNDING = 1e-9  # of the speeds, or of the largest impulse: error of converged impulses where they should be zero
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,11 @@ class Impact:
     u: FloatArray
     """Generalized speeds after it, shape (n_q,)."""
     impulses: Mapping[str, float]
-    """Of the stops that touch [N m s, or N s for one on a point]."""
-    resting: tuple[str, ...]
+    """Of the contacts that touch [N m s, or N s for one on a point]."""
+    resting: Contacts
     """Those of them whose gap does not move after it."""
+    violated: str | None
+    """A contact that would have to pull, or that goes on closing: not all of those that push take part."""
 
 
 def gap_speeds(mechanism: Mechanism, names: Collection[str], q: FloatArray, u: FloatArray) -> dict[str, float]:
@@ -44,51 +46,58 @@ def gap_speeds(mechanism: Mechanism, names: Collection[str], q: FloatArray, u: F
     return {name: float(kinematics.gap_jacobian(name, q) @ u) for name in names}
 
 
-def strike(placed: Mechanism, restitution: Mapping[str, float], pivot_mass: float) -> Impact:
-    """The impact of the stops that touch.
+def resolve_impact(placed: Mechanism, restitution: Mapping[str, float], pivot_mass: float) -> Impact:
+    """The impact of the contacts that touch.
 
     Args:
-        placed: the mechanism where it stands, with the speeds before; stops that touch are closed in it.
+        placed: the mechanism at its position there, with the speeds before; stops that touch are closed in it.
         restitution: e of each of them.
         pivot_mass: as the engine's option.
 
     Raises:
-        SimulationError: the impulses do not settle, or no set of stops takes part.
+        SimulationError: the impulses do not converge, or no set of contacts takes part.
     """
     # Not validated: stops keep the word on whether they touch.
     weightless = placed.model_copy(update={"gravity": 0.0})
-    for size in range(len(restitution), -1, -1):
-        for taking_part in itertools.combinations(restitution, size):
-            found = _by(weightless, taking_part, restitution, pivot_mass)
-            if found is not None:
-                return found
-    raise SimulationError(f"pymunk finds no impact of the stops {', '.join(restitution)} in which all of them push.")
+    impacts: dict[Contacts, Impact] = {}
+
+    def violated(active: Contacts) -> str | None:
+        impacts[active] = _impact_of(weightless, active, restitution, pivot_mass)
+        return impacts[active].violated
+
+    found = impacts[active_contacts(tuple(restitution), violated)]
+    if found.violated:
+        raise SimulationError(
+            f"pymunk finds no impact of the stops {', '.join(restitution)} in which all of them push."
+        )
+    return found
 
 
-def _by(
-    placed: Mechanism, taking_part: Sequence[str], restitution: Mapping[str, float], pivot_mass: float
-) -> Impact | None:
-    """The impact by these stops alone; None if one of them would have to pull, or another one goes on closing."""
-    machine = build(placed, taking_part, 0.0, pivot_mass)
-    for name in taking_part:
-        _aim(machine.stops[name], restitution[name])
-    kick = settled_kick(machine)
-    impulses = _impulses(machine, kick, taking_part)
-    (q, before), after = start_of(placed), _speeds_after(machine, kick)
+def _impact_of(placed: Mechanism, active: Contacts, restitution: Mapping[str, float], pivot_mass: float) -> Impact:
+    """The impact if these contacts alone take part."""
+    assembly = build(placed, active, 0.0, pivot_mass)
+    for name in active:
+        _set_target(assembly.stops[name], restitution[name])
+    increment = settled_increment(assembly)
+    impulses = _impulses(assembly, increment, active)
+    (q, before), after = initial_state(placed), _speeds_after(assembly, increment)
     came, left = (gap_speeds(placed, restitution, q, u) for u in (before, after))
-    slack = _ROUNDING * (1.0 + max(map(abs, came.values()), default=0.0))
-    pushes = all(impulse >= -_ROUNDING * max(impulses.values()) for impulse in impulses.values())
-    if not pushes or any(left[name] < -restitution[name] * came[name] - slack for name in restitution):
-        return None
-    resting = tuple(name for name in restitution if abs(left[name]) <= slack)
-    return Impact(after, dict.fromkeys(restitution, 0.0) | impulses, resting)
+    rounding = _ROUNDING * (1.0 + max(map(abs, came.values()), default=0.0))
+    least = -_ROUNDING * max(impulses.values(), default=0.0)
+    wrong = (
+        name
+        for name in restitution
+        if impulses.get(name, 0.0) < least or left[name] < -restitution[name] * came[name] - rounding
+    )
+    total = dict.fromkeys(restitution, 0.0) | impulses
+    return Impact(after, total, resting(left, rounding), next(wrong, None))
 
 
-def _aim(joint: constraints.Constraint, restitution: float) -> None:
-    """Set a stop's joint aside by the way it is to part in the step."""
+def _set_target(joint: constraints.Constraint, restitution: float) -> None:
+    """Displace the target of a stop's joint by the way it is to part in the step."""
     if isinstance(joint, constraints.GearJoint):
-        turning = joint.b.angular_velocity - joint.a.angular_velocity
-        joint.phase += -restitution * turning * STEP
+        spin = joint.b.angular_velocity - joint.a.angular_velocity
+        joint.phase += -restitution * spin * STEP
     elif isinstance(joint, constraints.PinJoint):
         a = joint.a.position + joint.anchor_a.rotated(joint.a.angle)
         b = joint.b.position + joint.anchor_b.rotated(joint.b.angle)
@@ -99,17 +108,15 @@ def _aim(joint: constraints.Constraint, restitution: float) -> None:
         joint.distance += -restitution * (ends[1] - ends[0]).dot((b - a).normalized()) * STEP
 
 
-def _impulses(machine: Machine, kick: FloatArray, closed: Sequence[str]) -> dict[str, float]:
-    """Of the stops that take part: what the change of momentum needs, the machine being still."""
-    for body in machine.bodies:
-        body.velocity, body.angular_velocity = (0.0, 0.0), 0.0
-    found = forces_of(reading_of(machine, kick), closed).torques
-    return {name: float(found[name][0]) for name in closed}
+def _impulses(assembly: Assembly, increment: FloatArray, active: Contacts) -> dict[str, float]:
+    """Of the contacts that take part: what the change of momentum needs with the assembly at rest."""
+    set_rates(assembly, np.zeros_like(increment))
+    found = forces_of(reading_of(assembly, increment), active).torques
+    return {name: float(found[name][0]) for name in active}
 
 
-def _speeds_after(machine: Machine, kick: FloatArray) -> FloatArray:
-    """Generalized speeds: those before, and what the bodies' change of velocity makes of them."""
-    for body, (x, y, spin) in zip(machine.bodies, kick.tolist(), strict=True):
-        body.velocity, body.angular_velocity = (x, y), spin
-    change = reading_of(machine).coordinates()[1][0]
-    return np.asarray(start_of(machine.mechanism)[1] + change, dtype=np.float64)
+def _speeds_after(assembly: Assembly, increment: FloatArray) -> FloatArray:
+    """Generalized speeds: those before, and the bodies' change of velocity in the mechanism's coordinates."""
+    set_rates(assembly, increment)
+    change = reading_of(assembly).coordinates()[1][0]
+    return np.asarray(initial_state(assembly.mechanism)[1] + change, dtype=np.float64)

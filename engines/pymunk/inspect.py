@@ -1,10 +1,10 @@
-"""Chipmunk's machine as built, looked at in single states: the inertia of its bodies, and what one step does.
+"""The built Chipmunk assembly in single states: the inertia of its bodies, and what one step does.
 
-A step solves M (v+ - v) / h = F + J^T lam with J v+ = -C / h for the velocities after it, where C is how far each
-joint is from what it aims at. The bodies are put into the state itself, and each joint's aim is set aside by
+A step solves M (v+ - v) / h = F + J^T lam with J v+ = -C / h for the velocities v+ after it, where C is the error of
+each joint from its target. The bodies are put into the state itself, and each joint's target is displaced by
 h^2 times the centripetal part of its acceleration: (v+ - v) / h is then the acceleration at the state for a step of
-any length, without truncation. The step is only a unit, and a long one keeps the rounding of places, which enters
-accelerations divided by h^2, small.
+any length, without truncation error. A long step keeps the rounding error of positions small, which enters
+accelerations divided by h^2.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ import pymunk
 from pymunk import constraints
 
 from ...models.arrays import FloatArray
-from ...models.kinematics import Kinematics
+from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import GROUND, Mechanism, PinJoint, PointStop, Stop
 from ..inspection import Dynamics, Inspection, State
-from .build import Machine, Rod, build, start_of
+from .build import Assembly, Rod, build
 from .forces import forces_of
 from .options import PymunkOptions
 from .read import Reading
-from .velocity_increment import STEP, reading_of, settled_kick
+from .velocity_increment import STEP, reading_of, settled_increment
 
 
 def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkOptions) -> Inspection:
-    """Look at the built machine in each state.
+    """Inspect the built assembly in each state.
 
     Raises:
         UnsupportedProblemError: the mechanism has a part that has no counterpart here.
@@ -47,22 +47,22 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkOption
     )
 
 
-def _total_mass(machine: Machine, pivot_mass: float) -> float | None:
+def _total_mass(assembly: Assembly, pivot_mass: float) -> float | None:
     """Mass of all bodies [kg]; None if one of them has a multiple of its own on a pin in the ground."""
     pinned = [
         joint
-        for joint in machine.mechanism.tree_joints
-        if joint.parent == GROUND and isinstance(joint, PinJoint) and machine.parts[joint.child].turns
+        for joint in assembly.mechanism.tree_joints
+        if joint.parent == GROUND and isinstance(joint, PinJoint) and assembly.parts[joint.child].turns
     ]
-    return None if pinned and pivot_mass != 1 else float(sum(body.mass for body in machine.bodies))
+    return None if pinned and pivot_mass != 1 else float(sum(body.mass for body in assembly.bodies))
 
 
-def _dynamics(built: Machine, state: State, pivot_mass: float) -> Dynamics:
+def _dynamics(built: Assembly, state: State, pivot_mass: float) -> Dynamics:
     # Not validated: stops keep the word on whether they are closed at the start, which decides what bodies are made of.
     placed = built.mechanism.model_copy(update={"start": tuple(state.q), "start_speeds": tuple(state.u)})
-    machine = build(placed, state.closed, 0.0, pivot_mass)
-    mass, forces = _inertia(machine)
-    reading = _kicked(machine)
+    assembly = build(placed, state.closed, 0.0, pivot_mass)
+    mass, forces = _inertia(assembly)
+    reading = _stepped(assembly)
     return Dynamics(
         accelerations=reading.accelerations()[0],
         stop_torques={name: float(torque[0]) for name, torque in forces_of(reading, state.closed).torques.items()},
@@ -73,17 +73,17 @@ def _dynamics(built: Machine, state: State, pivot_mass: float) -> Dynamics:
     )
 
 
-def _inertia(machine: Machine) -> tuple[FloatArray, FloatArray]:
+def _inertia(assembly: Assembly) -> tuple[FloatArray, FloatArray]:
     """M and f of the engine's bodies: sum of m J^T J + I j^T j, and of J^T m (g - centrifugal acceleration).
 
     A body that does not turn has no angle of its own (its moment is infinite): it is a point mass. Mass on a pin in
     the ground does not move, and so is in neither.
     """
-    kinematics = Kinematics(machine.mechanism)
-    q, u = start_of(machine.mechanism)
-    gravity = complex(*machine.space.gravity)
+    kinematics = Kinematics(assembly.mechanism)
+    q, u = initial_state(assembly.mechanism)
+    gravity = complex(*assembly.space.gravity)
     mass, forces = np.zeros((len(q), len(q))), np.zeros(len(q))
-    for i, part in enumerate(machine.parts.values()):
+    for i, part in enumerate(assembly.parts.values()):
         row = kinematics.point(part.name, (part.reference.real, part.reference.imag))
         jacobian = row.coefficients * kinematics.rates(q)
         centripetal = complex(*kinematics.acceleration(row, q, u, np.zeros_like(q)))
@@ -94,17 +94,17 @@ def _inertia(machine: Machine) -> tuple[FloatArray, FloatArray]:
     return mass, forces
 
 
-def _kicked(machine: Machine) -> Reading:
-    """One step to the state where the machine stands; the change of velocity in it is the acceleration there."""
-    _aim(machine)
-    return reading_of(machine, settled_kick(machine) / STEP)
+def _stepped(assembly: Assembly) -> Reading:
+    """One step to the assembly's present state; the change of velocity in it is the acceleration there."""
+    _set_targets(assembly)
+    return reading_of(assembly, settled_increment(assembly) / STEP)
 
 
-def _aim(machine: Machine) -> None:
-    """Set each joint's aim aside by h^2 times its centripetal acceleration; a GearJoint has none."""
-    for rod in machine.rods:
+def _set_targets(assembly: Assembly) -> None:
+    """Displace each joint's target by h^2 times its centripetal acceleration; a GearJoint has none."""
+    for rod in assembly.rods:
         rod.joint.distance = rod.length - STEP**2 * _lengthening(rod)
-    for joint in machine.space.constraints:
+    for joint in assembly.space.constraints:
         if isinstance(joint, constraints.PivotJoint):
             end = _End.of(joint.b, joint.anchor_b)
             anchor = complex(*joint.anchor_a) - STEP**2 * end.centripetal
@@ -113,7 +113,7 @@ def _aim(machine: Machine) -> None:
 
 @dataclass(frozen=True)
 class _End:
-    """The end of a joint on a body: place [m], velocity [m/s], acceleration if the body's rates stay [m/s^2]."""
+    """The end of a joint on a body: position [m], velocity [m/s], acceleration at constant rates [m/s^2]."""
 
     place: complex
     velocity: complex
@@ -126,9 +126,9 @@ class _End:
 
 
 def _lengthening(rod: Rod) -> float:
-    """Second derivative of the distance between a rod's ends [m/s^2], the rates of its bodies staying as they are.
+    """Second derivative of the distance between a rod's ends [m/s^2], at constant rates of its bodies.
 
-    |d|'' = n . d'' + (n x d')^2 / |d| with n = d / |d|; a foot that goes along in a slot leaves no d' across.
+    |d|'' = n . d'' + (n x d')^2 / |d| with n = d / |d|; an anchor that moves along a line leaves no d' across.
     """
     a, b = _End.of(rod.joint.a, rod.joint.anchor_a), _End.of(rod.joint.b, rod.joint.anchor_b)
     apart, velocity = b.place - a.place, b.velocity - a.velocity
@@ -143,8 +143,8 @@ def _centre(reading: Reading, body: str) -> FloatArray:
     return np.array([place.real, place.imag])
 
 
-def _gap(built: Machine, stop: Stop | PointStop, reading: Reading) -> float:
-    """Opening of a stop [rad or m] where the bodies stand now, by its joint as it was made at the start."""
+def _gap(built: Assembly, stop: Stop | PointStop, reading: Reading) -> float:
+    """Gap of a stop [rad or m] at the bodies' present positions, by its joint as it was built at the start."""
     joint = built.stops[stop.name]
     if isinstance(stop, PointStop):
         rod = next(rod for rod in built.rods if rod.joint is joint)
@@ -155,13 +155,13 @@ def _gap(built: Machine, stop: Stop | PointStop, reading: Reading) -> float:
     if isinstance(joint, constraints.GearJoint):
         return stop.sense * (between + joint.phase)
     rod = next(rod for rod in built.rods if rod.joint is joint)
-    return stop.sense * math.remainder(between - _held_angle(built, rod, stop), 2 * math.pi)
+    return stop.sense * math.remainder(between - _braced_angle(built, rod, stop), 2 * math.pi)
 
 
-def _held_angle(built: Machine, rod: Rod, stop: Stop) -> float:
-    """The angle at which a brace holds a bob [rad]: that of the stop's body relative to the other one.
+def _braced_angle(built: Assembly, rod: Rod, stop: Stop) -> float:
+    """The angle at which a brace keeps a bob [rad]: that of the stop's body relative to the other one.
 
-    Brace, bob's rod and the line from the pin to the brace's foot are a triangle, whose sides give its angle.
+    Brace, bob's rod and the line from the pin to the brace's anchor are a triangle, whose sides give its angle.
     """
     bob, base = stop.body, stop.relative_to
     if built.parts[bob].turns:
@@ -169,10 +169,10 @@ def _held_angle(built: Machine, rod: Rod, stop: Stop) -> float:
     part = built.parts[bob]
     pin = next(joint.parent_point for joint in built.mechanism.tree_joints if joint.child == bob)
     origin = 0j if base == GROUND else built.parts[base].reference
-    foot = origin + complex(*rod.end_a) - complex(*pin)
-    arm, far, brace = abs(part.reference - part.pin), abs(foot), rod.joint.distance
+    anchor = origin + complex(*rod.end_a) - complex(*pin)
+    arm, far, brace = abs(part.reference - part.pin), abs(anchor), rod.joint.distance
     corner = math.acos((far**2 + arm**2 - brace**2) / (2 * far * arm))
-    # The foot is counter-clockwise of the bob; angles of the mechanism are clockwise.
-    direction = foot * cmath.exp(-1j * corner)
+    # The anchor is counter-clockwise of the bob; angles of the mechanism are clockwise.
+    direction = anchor * cmath.exp(-1j * corner)
     clockwise = -cmath.phase(direction / (part.reference - part.pin))
     return clockwise if bob == stop.body else -clockwise

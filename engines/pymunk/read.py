@@ -1,7 +1,7 @@
-"""What a Chipmunk run says about the mechanism: angles, points, energies.
+"""Reading the mechanism's motion from Chipmunk's bodies: angles, points, energies.
 
-Everything comes from the engine bodies' places and velocities, and forces (:mod:`.forces`) from their changes
-of momentum in a step: Chipmunk tells the impulse of a joint only without its sign, and only its size.
+All quantities come from the engine bodies' positions and velocities, and forces (:mod:`.forces`) from their changes
+of momentum in a step, because Chipmunk gives only the magnitude of a joint's impulse.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from ...models.arrays import ComplexArray, FloatArray
 from ...models.mechanism import GROUND, Mechanism, SlotJoint
 from ...models.spec import Vector
 from ...models.trajectory import PointMotion
-from .build import Machine, Part
+from .build import Assembly, Part
 
 
 @dataclass(frozen=True)
@@ -68,20 +68,20 @@ class Frame:
 class Reading:
     """The mechanism's motion, from the engine bodies' samples."""
 
-    machine: Machine
+    assembly: Assembly
     samples: Samples
     near: FloatArray | None = None
-    """Coordinates that tell how often the first sample's angles have gone round; the mechanism's start if left out."""
+    """Coordinates near those of the first sample, for its angles' full turns; the mechanism's start if left out."""
     frames: dict[str, Frame] = field(default_factory=dict[str, Frame])
 
     def __post_init__(self) -> None:
-        for i, (name, part) in enumerate(self.machine.parts.items()):
+        for i, (name, part) in enumerate(self.assembly.parts.items()):
             self.frames[name] = self._turning(i, part) if part.turns else self._swinging(i, part)
 
     @property
     def mechanism(self) -> Mechanism:
-        """What the machine was built from."""
-        return self.machine.mechanism
+        """The mechanism that the assembly was built from."""
+        return self.assembly.mechanism
 
     def point(self, body: str, local: Vector) -> PointState:
         """A point of a body, or of the ground."""
@@ -146,7 +146,7 @@ class Reading:
         return np.stack(found, axis=-1)
 
     def gaps(self) -> dict[str, FloatArray]:
-        """How far the points of each joint stand apart [m], shape (n,); for a bob, the error of its rod's length."""
+        """Constraint drift: distance of a joint's points [m], shape (n,); for a bob, the error of its rod's length."""
         found: dict[str, FloatArray] = {}
         tree = self.mechanism.tree_joints
         for joint in self.mechanism.joints:
@@ -154,8 +154,8 @@ class Reading:
             apart = self.point(joint.child, joint.child_point).place - parent
             if isinstance(joint, SlotJoint):
                 apart = (apart * complex(*joint.axis).conjugate()).imag
-            elif joint in tree and not self.machine.parts[joint.child].turns:
-                part = self.machine.parts[joint.child]
+            elif joint in tree and not self.assembly.parts[joint.child].turns:
+                part = self.assembly.parts[joint.child]
                 apart = np.abs(self.frames[joint.child].at.place - parent) - abs(part.reference - part.pin)
             found[joint.name] = np.abs(apart)
         return found
@@ -164,8 +164,8 @@ class Reading:
 def samples_of(states: FloatArray, h: float, leapfrog: bool) -> Samples:
     """Samples 0 ... n from rows -1 ... n.
 
-    In a leapfrog, the velocity at a sample is the mean of those half a step before and after it: the state halfway
-    through its kick, whose energy does not drift. Forces are those of the kick at the sample, of second order there.
+    In a leapfrog, the velocity at a sample is the mean of those half a step before and after it: the energy of this
+    state does not drift. Forces are those of the velocity increment at the sample, of second order there.
 
     Args:
         states: shape (n + 2, n_bodies, 6).

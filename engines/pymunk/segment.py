@@ -1,8 +1,7 @@
-"""A stretch of a run from a fresh start: which stops push there, the steps, the releases, the recording."""
+"""A segment of a run between two impacts: its active stops at the start, steps, releases and recording."""
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping
 
@@ -10,106 +9,105 @@ import numpy as np
 
 from ...models.arrays import ComplexArray, FloatArray
 from ...models.errors import SimulationError
-from ...models.kinematics import Kinematics
+from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
+from ..contact_events import Contacts, active_contacts
 from ..protocol import Recording
-from .build import Machine, build, start_of
+from .build import build
 from .forces import forces_of
+from .leapfrog import Stepper
 from .options import PymunkOptions
 from .read import Reading, as_vectors, samples_of
-from .step import Stepper
 
-_TRIAL_ITERATIONS = 5_000  # which stops push is a fact of the machine, not of the preset
-_SLACK = 1e-9  # of the largest torque: rounding of a torque that is zero
-_NEAR = 4.0  # a stop is looked at closely when its impulse is less than so many of its changes in a step
-
-
-def _pushing(mechanism: Mechanism, h: float, engine: PymunkOptions) -> tuple[str, ...]:
-    """Stops that hold at the start: all of them if all push, or those that push while the others open."""
-    touching = [stop.name for stop in mechanism.stops if stop.closed]
-    if not touching:
-        return ()
-    subsets = (c for size in range(len(touching), -1, -1) for c in itertools.combinations(touching, size))
-    for closed in subsets:
-        machine = build(mechanism, closed, 0.0, engine.pivot_mass)
-        stepper = Stepper(machine, h, hold_lengths=True)
-        stepper.start(_TRIAL_ITERATIONS, leapfrog=True)
-        if _is_consistent(machine, stepper, h, [name for name in touching if name not in closed]):
-            return closed
-    return ()
+_TRIAL_ITERATIONS = 5_000  # which stops push depends on the mechanism, not on the preset
+_ROUNDING = 1e-9  # of the largest torque: error of a torque that is zero
+_NEAR = 4.0  # a stop's torque is computed when its impulse is less than so many of its changes in a step
 
 
-def _is_consistent(machine: Machine, stepper: Stepper, h: float, opened: list[str]) -> bool:
-    reading = Reading(machine, samples_of(stepper.states(0), h, leapfrog=True))
-    torques = [float(torque[0]) for torque in forces_of(reading, tuple(machine.stops)).torques.values()]
-    slack = _SLACK * max(map(abs, torques), default=0.0)
-    kinematics, (q, u) = Kinematics(machine.mechanism), start_of(machine.mechanism)
-    a = reading.accelerations()[0]
-    opening = [float(kinematics.gap_jacobian(name, q) @ a) + float(kinematics.gap_bias(name, q, u)) for name in opened]
-    return all(torque >= -slack for torque in torques) and all(rate >= 0 for rate in opening)
+def _pushing(mechanism: Mechanism, h: float, options: PymunkOptions) -> Contacts:
+    """Stops that are active at the start: those that push while the others open."""
+    touching = tuple(stop.name for stop in mechanism.stops if stop.closed)
+    return active_contacts(touching, lambda active: _violated(mechanism, active, touching, h, options.pivot_mass))
+
+
+def _violated(mechanism: Mechanism, active: Contacts, touching: Contacts, h: float, pivot_mass: float) -> str | None:
+    """A touching stop that would have to pull, or that would close, by the forces of a first step."""
+    assembly = build(mechanism, active, 0.0, pivot_mass)
+    stepper = Stepper(assembly, h, hold_lengths=True)
+    stepper.start(_TRIAL_ITERATIONS, leapfrog=True)
+    reading = Reading(assembly, samples_of(stepper.states(0), h, leapfrog=True))
+    torques = {name: float(torque[0]) for name, torque in forces_of(reading, tuple(assembly.stops)).torques.items()}
+    least = -_ROUNDING * max(map(abs, torques.values()), default=0.0)
+    kinematics, (q, u), a = Kinematics(mechanism), initial_state(mechanism), reading.accelerations()[0]
+
+    def is_wrong(name: str) -> bool:
+        if name in active:
+            return torques[name] < least
+        return float(kinematics.gap_jacobian(name, q) @ a) + float(kinematics.gap_bias(name, q, u)) < 0
+
+    return next((name for name in touching if is_wrong(name)), None)
 
 
 class Segment:
-    """Steps from a machine's start to a given time, and who is released when."""
+    """Steps of an assembly from a start to a given time, and the releases in them."""
 
-    def __init__(self, mechanism: Mechanism, engine: PymunkOptions, start: float, end: float) -> None:
-        """Build the machine and find which of its closed stops push.
+    def __init__(self, mechanism: Mechanism, options: PymunkOptions, start: float, end: float) -> None:
+        """Build the assembly and find which of its closed stops push.
 
         Args:
-            mechanism: as it stands at the start.
-            engine: how to step.
+            mechanism: in its state at the start.
+            options: how to step.
             start, end: times [s].
         """
-        self.engine, self.begins, self.ends = engine, start, end
-        self.n = max(1, math.ceil((end - start) / engine.timestep * (1 - 1e-12)))
+        self.options, self.begins, self.ends = options, start, end
+        self.n = max(1, math.ceil((end - start) / options.timestep * (1 - 1e-12)))
         self.h = h = (end - start) / self.n
-        closed = _pushing(mechanism, h, engine)
-        self.machine = machine = build(mechanism, closed, engine.error_bias, engine.pivot_mass)
-        self.stepper = Stepper(machine, h, engine.hold_lengths)
-        held = set(machine.stops)
+        active = _pushing(mechanism, h, options)
+        self.assembly = assembly = build(mechanism, active, options.error_bias, options.pivot_mass)
+        self.stepper = Stepper(assembly, h, options.hold_lengths)
         self.releases: dict[str, float | None] = {
-            stop.name: start if stop.closed and stop.name not in held else None for stop in machine.mechanism.stops
+            stop.name: start if stop.closed and stop.name not in active else None for stop in mechanism.stops
         }
-        self.regimes = [(0, tuple(machine.stops))]
-        """First sample and closed stops of each stretch between releases."""
+        self.regimes = [(0, tuple(assembly.stops))]
+        """First sample and active stops of each interval between releases."""
         self._impulses: dict[str, float] = {}
 
     def begin(self) -> None:
-        """The first sample, and in a machine that is no leapfrog the first step."""
+        """The first sample, and without the leapfrog the first step."""
         stepper = self.stepper
-        stepper.start(self.engine.start_iterations, self.engine.leapfrog)
-        if not self.engine.leapfrog:
-            # Impulses are found anew in the first step here; a leapfrog has found them at the start.
-            stepper.run(1, self.engine.start_iterations)
-            self._watch(1)
+        stepper.start(self.options.start_iterations, self.options.leapfrog)
+        if not self.options.leapfrog:
+            # The first step has no impulses to start from; a leapfrog has found them at the start.
+            stepper.run(1, self.options.start_iterations)
+            self._release_before_next(1)
 
     def advance(self, last: int) -> None:
         """Step to a sample."""
-        stepper, iterations = self.stepper, self.engine.iterations
-        while self.machine.stops and stepper.steps < last:
+        stepper, iterations = self.stepper, self.options.iterations
+        while self.assembly.stops and stepper.steps < last:
             stepper.run(1, iterations)
-            self._watch(stepper.steps)
+            self._release_before_next(stepper.steps)
         stepper.run(max(last - stepper.steps, 0), iterations)
 
-    def _watch(self, k: int) -> None:
+    def _release_before_next(self, k: int) -> None:
         """Release the stop whose torque vanishes next, if that is before sample k + 1."""
-        if not self._anything_near(k):
+        if not self._is_any_near_zero(k):
             return
         first = max(min(max(self.regimes[-1][0], k - 2), k - 1), 0)
-        closed = tuple(self.machine.stops)
+        active = tuple(self.assembly.stops)
         states = self.stepper.states(first)
-        reading = Reading(self.machine, samples_of(states, self.h, self.engine.leapfrog))
-        torques = forces_of(reading, closed).torques
-        find = _foreseen if self.engine.locate_releases else _noticed
+        reading = Reading(self.assembly, samples_of(states, self.h, self.options.leapfrog))
+        torques = forces_of(reading, active).torques
+        find = _foreseen if self.options.locate_releases else _noticed
         found = {name: find(torque) for name, torque in torques.items()}
         due = {name: step for name, step in found.items() if step is not None and k + step <= self.n}
         if due:
             self._release(min(due, key=lambda name: due[name]), k, min(due.values()))
 
-    def _anything_near(self, k: int) -> bool:
-        """Whether an impulse may soon pass through zero; Chipmunk tells only its size, but that is cheap to ask."""
+    def _is_any_near_zero(self, k: int) -> bool:
+        """Whether an impulse may soon pass through zero; Chipmunk gives only its size, but at no cost."""
         before = self._impulses
-        self._impulses = now = {name: joint.impulse for name, joint in self.machine.stops.items()}
+        self._impulses = now = {name: joint.impulse for name, joint in self.assembly.stops.items()}
         if k < self.regimes[-1][0] + 3:
             return True
         return any(now[name] < _NEAR * abs(now[name] - before[name]) for name in now)
@@ -117,7 +115,7 @@ class Segment:
     def _release(self, name: str, k: int, step: float) -> None:
         self.releases[name] = self.begins + (k + step) * self.h
         self.stepper.release(name)
-        self.regimes.append((k + 1, tuple(self.machine.stops)))
+        self.regimes.append((k + 1, tuple(self.assembly.stops)))
 
     def times(self) -> FloatArray:
         """Of the samples [s], shape (n + 1,)."""
@@ -126,18 +124,18 @@ class Segment:
     def reading(self, first: int, last: int, near: FloatArray | None = None) -> Reading:
         """Samples from one to another, both included; coordinates of the first one are near those given."""
         states = self.stepper.states(first)
-        samples = samples_of(states[: last - first + 2], self.h, self.engine.leapfrog)
-        return Reading(self.machine, samples, near)
+        samples = samples_of(states[: last - first + 2], self.h, self.options.leapfrog)
+        return Reading(self.assembly, samples, near)
 
-    def closed_at(self, k: int) -> tuple[str, ...]:
-        """Stops that hold at a sample."""
-        return next(closed for first, closed in reversed(self.regimes) if first <= k)
+    def active_at(self, k: int) -> Contacts:
+        """Stops that are active at a sample."""
+        return next(active for first, active in reversed(self.regimes) if first <= k)
 
     def recording(self, last: int) -> Recording:
-        """All of it up to a sample."""
+        """The segment up to a sample."""
         t, reading = self.times()[: last + 1], self.reading(0, last)
         gaps = reading.gaps()
-        _refuse_lost_joints(self.machine.mechanism, gaps, t)
+        _refuse_lost_joints(self.assembly.mechanism, gaps, t)
         q, u = reading.coordinates()
         kinetic, potential = reading.energies()
         reactions, torques = self._forces(reading, t)
@@ -156,12 +154,12 @@ class Segment:
         )
 
     def _forces(self, reading: Reading, t: FloatArray) -> tuple[dict[str, ComplexArray], dict[str, FloatArray]]:
-        """Reactions of the joints and torques of the stops; they depend on which stops are closed."""
+        """Reactions of the joints and torques of the stops; they depend on which stops are active."""
         reactions = {joint.name: np.zeros(len(t), dtype=np.complex128) for joint in reading.mechanism.joints}
         torques = {stop.name: np.zeros(len(t)) for stop in reading.mechanism.stops}
         ends = [first for first, _ in self.regimes[1:]] + [len(t)]
-        for (first, closed), end in zip(self.regimes, ends, strict=True):
-            forces = forces_of(reading, closed)
+        for (first, active), end in zip(self.regimes, ends, strict=True):
+            forces = forces_of(reading, active)
             for name, force in forces.reactions.items():
                 reactions[name][first:end] = force[first:end]
             for name, torque in forces.torques.items():

@@ -1,215 +1,215 @@
-"""Stepping a Chipmunk space: the leapfrog's start, the lengths of its rods, a row of states per step."""
+"""Moving a mechanism with Chipmunk from its start to the end, over the releases and impacts of its stops.
+
+Chipmunk cannot change its step without losing its impulses. Under the unilateral law a run therefore goes on until a
+gap is below zero, back to where it was zero inside that step, through the impact, and on from there as a new segment
+with a start of its own. The state at the impact is that of the sample before, moved on by its speed and acceleration:
+its error, of third order, is made once per impact, so the order of the run stays. A contact that begins and ends
+within a step is not seen, and a rebound that would do so is none: the contact rests.
+"""
 
 from __future__ import annotations
 
-import math
-from typing import Any, cast
+from collections.abc import Collection
+from dataclasses import dataclass
 
 import numpy as np
-import pymunk
-import pymunk.batch
+from scipy.optimize import brentq
 
 from ...models.arrays import FloatArray
-from .build import Machine, Rod
+from ...models.kinematics import Kinematics, initial_state
+from ...models.mechanism import Mechanism
+from ...models.problem import Problem, StopLaw
+from ..contact_events import AT_REST, SAME_TIME, ContactEvents, Contacts, joined, refuse_moving_gaps, resting
+from ..protocol import Recording
+from .build import build
+from .impact import gap_speeds, resolve_impact
+from .options import PymunkOptions
+from .read import Reading
+from .segment import Segment
 
-_FIELDS = (
-    pymunk.batch.BodyFields.POSITION
-    | pymunk.batch.BodyFields.ANGLE
-    | pymunk.batch.BodyFields.VELOCITY
-    | pymunk.batch.BodyFields.ANGULAR_VELOCITY
-)
-_WIDTH = 6  # x, y, angle, vx, vy, angular velocity of each body
-
-Row = list[float]
+_CHUNK = 64  # steps between checks of the gaps; at most these are repeated at an impact
+_SETTLING_SAMPLES = 3  # after which a contact that has opened must have a gap, or is met
 
 
-class Stepper:
-    """Moves a machine step by step and keeps what it passes through.
+@dataclass(frozen=True)
+class _ContactEvent:
+    """An inactive contact is met, or speeds at the start drive into a closed one."""
 
-    `rows[k]` is the state after step k: positions at t = k h, velocities half a step later in a leapfrog. The first
-    step of a leapfrog only finds the forces at the start: bodies are put back by one step, so that Chipmunk brings
-    them to the start and then kicks them; half of that kick is kept.
+    time: float
+    """[s]"""
+    q: FloatArray
+    u: FloatArray
+    """The state there, before the impact, shape (n_q,)."""
+    touching: Contacts
+    met: str | None
+    sample: int
+    """The one before it, in its segment."""
+
+
+def run(problem: Problem, options: PymunkOptions) -> Recording:
+    """Simulate a problem.
+
+    Raises:
+        UnsupportedProblemError: the mechanism has a part that has no counterpart here, or under the release-once law
+            starts with a closed stop whose gap changes.
+        SimulationError: impacts follow each other without an end, or their impulses do not converge.
     """
-
-    def __init__(self, machine: Machine, h: float, hold_lengths: bool) -> None:
-        self.machine, self.h = machine, h
-        self.rows: list[Row] = []
-        self.leapfrog = False
-        self._initial: Row = []
-        self._space = machine.space
-        self._buffer: Any = pymunk.batch.Buffer()
-        self._offsets = self._body_offsets()
-        rods = [_HeldRod(rod, self._offsets, h) for rod in machine.rods]
-        self._held = rods if hold_lengths else []
-        self._feet = [rod for rod in rods if rod.rod.axis is not None]
-
-    def start(self, iterations: int, leapfrog: bool) -> None:
-        """Make `rows[0]`; in a leapfrog, with the velocities of half a step later."""
-        self.leapfrog, self._initial = leapfrog, self._read()
-        if leapfrog:
-            self._kick_half(iterations)
-        self.rows = [self._read()]
-        earlier = self._step_before()
-        for rod in self._held:
-            rod.begin(earlier, self.rows[0])
-
-    def run(self, steps: int, iterations: int) -> None:
-        """Take some steps; a row each."""
-        space, h, rows = self._space, self.h, self.rows
-        space.iterations = iterations
-        for _ in range(steps):
-            for foot in self._feet:
-                foot.move_foot(rows[-1])
-            space.step(h)
-            row = self._read()
-            rows.append(row)
-            for rod in self._held:
-                rod.aim(row)
-
-    def release(self, stop: str) -> None:
-        """Remove a stop's joint."""
-        joint = self.machine.stops.pop(stop)
-        self._space.remove(joint)
-        self._held = [rod for rod in self._held if rod.joint is not joint]
-        self._feet = [rod for rod in self._feet if rod.joint is not joint]
-
-    @property
-    def steps(self) -> int:
-        """Steps taken since the start."""
-        return len(self.rows) - 1
-
-    def states(self, first: int) -> FloatArray:
-        """Rows from the one before `first` on, bodies in the mechanism's order, shape (n, n_bodies, 6).
-
-        The row before the start is the one that makes the velocity there the start's, its change the first kick's.
-        """
-        rows = np.array(self.rows[max(first - 1, 0) :])
-        if first == 0:
-            rows = np.concatenate([[self._before_start()], rows])
-        columns = [self._offsets[body.id] // _WIDTH for body in self.machine.bodies]
-        return rows.reshape(len(rows), -1, _WIDTH)[:, columns]
-
-    def _step_before(self) -> Row:
-        """The state one step before the start, as the first kick has it backwards."""
-        row = self._before_start()
-        bodies = row.reshape(-1, _WIDTH)
-        bodies[:, :3] -= self.h * bodies[:, 3:]
-        return cast("Row", row.tolist())
-
-    def _before_start(self) -> FloatArray:
-        if self.leapfrog:
-            return 2 * np.array(self._initial) - np.array(self.rows[0])
-        return 2 * np.array(self.rows[0]) - np.array(self.rows[min(1, self.steps)])
-
-    def _body_offsets(self) -> dict[int, int]:
-        pymunk.batch.get_space_bodies(self._space, pymunk.batch.BodyFields.BODY_ID, self._buffer)
-        ids = memoryview(self._buffer.int_buf()).cast("P").tolist()
-        return {identity: _WIDTH * i for i, identity in enumerate(ids)}
-
-    def _read(self) -> Row:
-        self._buffer.clear()
-        pymunk.batch.get_space_bodies(self._space, _FIELDS, self._buffer)
-        return cast("Row", memoryview(self._buffer.float_buf()).cast("d").tolist())
-
-    def _kick_half(self, iterations: int) -> None:
-        start, h = self._read(), self.h
-        bodies = self.machine.bodies
-        for rod in self._held:
-            rod.prepare(start)
-        for body in bodies:
-            body.position -= h * body.velocity
-            body.angle -= h * body.angular_velocity
-        before = [(body.velocity, body.angular_velocity) for body in bodies]
-        self._space.iterations = iterations
-        self._space.step(h)
-        for body, (velocity, spin) in zip(bodies, before, strict=True):
-            body.velocity = (body.velocity + velocity) / 2
-            body.angular_velocity = (body.angular_velocity + spin) / 2
+    if problem.stop_law is StopLaw.UNILATERAL:
+        return _UnilateralRun(problem, options).recording()
+    refuse_moving_gaps(problem.mechanism, "pymunk")
+    segment = Segment(problem.mechanism, options, 0.0, problem.duration)
+    segment.begin()
+    segment.advance(segment.n)
+    return segment.recording(segment.n)
 
 
-class _HeldRod:
-    """A rod whose length is held to a higher order than Chipmunk does by itself.
+class _UnilateralRun:
+    """Moves one problem whose stops may be met, one segment after another."""
 
-    Chipmunk aims at the wanted distance along the line between the ends; that the ends also move across the line,
-    and on arcs, makes a rod longer by s = O(h^2) at the end of the step. Aiming at a distance shorter by s, foreseen
-    from the last two steps, leaves O(h^4) of it: what SHAKE would do. It takes no force into account.
-    """
+    def __init__(self, problem: Problem, options: PymunkOptions) -> None:
+        self.problem, self.options, self.mechanism = problem, options, problem.mechanism
+        self.events = ContactEvents(self.mechanism, "pymunk")
+        self._last: _ContactEvent | None = None
+        self._plastic: frozenset[str] = frozenset()
+        """Contacts that did not rebound at the last impact, because their rebounds would have been too low."""
+        self._parting: dict[str, float] = {}
+        """When each contact opened that touches at a segment's start and does not rest [s]."""
+        # Raises UnsupportedProblemError at once if a stop cannot be enforced, instead of at the first impact.
+        build(_with_closed(self.mechanism, self.events.releases), (), options.error_bias, options.pivot_mass)
 
-    __slots__ = ("_a", "_ax", "_ay", "_b", "_bx", "_by", "_h", "_last", "_nx", "_ny", "_slides", "joint", "rod")
+    def recording(self) -> Recording:
+        """Move from the start to the end, and read out."""
+        recordings: list[Recording] = []
+        start: Mechanism | None = self._first()
+        while start is not None:
+            begins = 0.0 if self._last is None else self._last.time
+            segment = Segment(start, self.options, begins, self.problem.duration)
+            event = self._step_to_event(segment)
+            if event is not None and self._is_too_low(event):
+                start = self._without_rebound(event)
+            else:
+                recordings += self._accepted(segment, event)
+                start = None if event is None else self._after_impact(event)
+        return joined(recordings, self.events)
 
-    def __init__(self, rod: Rod, offsets: dict[int, int], h: float) -> None:
-        self.rod, self.joint = rod, rod.joint
-        self._a = -1 if rod.a is None else offsets[rod.a.id]
-        self._b = offsets[rod.b.id]
-        self._ax, self._ay = rod.end_a
-        self._bx, self._by = rod.end_b
-        self._h = h
-        self._slides = rod.axis is not None
-        across = 1j * (rod.axis or 0j)
-        self._nx, self._ny = across.real, across.imag
-        self._last = 0.0
+    def _first(self) -> Mechanism:
+        """The start, after an impact where its speeds drive into a closed stop."""
+        q, u = initial_state(self.mechanism)
+        touching = tuple(stop.name for stop in self.mechanism.stops if stop.closed)
+        speeds = gap_speeds(self.mechanism, touching, q, u)
+        if any(speed < -AT_REST for speed in speeds.values()):
+            return self._after_impact(_ContactEvent(0.0, q, u, touching, None, 0))
+        rest = resting(speeds)
+        self._parting = {name: 0.0 for name in touching if name not in rest}
+        return _with_closed(self.mechanism, rest)
 
-    def prepare(self, start: Row) -> None:
-        """Aim the kick at the start, of which half is kept: by twice the stretch, its odd orders left out."""
-        stretch = (self._stretch(start, self._h) + self._stretch(start, -self._h)) / 2
-        self.joint.distance = self.rod.length - 2.0 * stretch
+    def _step_to_event(self, segment: Segment) -> _ContactEvent | None:
+        """Step to the next impact, or to the end."""
+        segment.begin()
+        touched = {stop.name for stop in segment.assembly.mechanism.stops if stop.closed} | self._parting.keys()
+        finder, first = _EventFinder(segment, touched, self.events), 0
+        while first < segment.n:
+            last = min(max(first + _CHUNK, segment.stepper.steps), segment.n)
+            segment.advance(last)
+            event = finder.first_event(first, last)
+            if event is not None:
+                return event if event.time < self.problem.duration - SAME_TIME else None
+            first = last
+        return None
 
-    def begin(self, earlier: Row, first: Row) -> None:
-        """Aim the first step, from the state after the start's kick and the one that would have led to it."""
-        self._last = self._stretch(earlier, self._h)
-        self.aim(first)
+    def _is_too_low(self, event: _ContactEvent) -> bool:
+        """Whether a contact is met again within the few steps that cannot resolve its rebound."""
+        rebounded = self._last is not None and event.met in self._last.touching and event.met not in self._plastic
+        return rebounded and event.met in self._parting and event.sample < _SETTLING_SAMPLES
 
-    def aim(self, row: Row) -> None:
-        """Aim the next step, from the state after this one."""
-        # What this state's velocities will make of the rod is settled; the next step's kick decides about the next.
-        s = self._stretch(row, self._h)
-        self.joint.distance = self.rod.length - (2.0 * s - self._last)
-        self._last = s
+    def _without_rebound(self, event: _ContactEvent) -> Mechanism:
+        """The last impact once more, the contact that is met again being plastic."""
+        assert self._last is not None
+        assert event.met is not None
+        self.events.retract_impact()
+        return self._after_impact(self._last, self._plastic | {event.met})
 
-    def _stretch(self, row: Row, h: float) -> float:
-        """How much longer the rod is after a step than its rate of change says [m].
+    def _accepted(self, segment: Segment, event: _ContactEvent | None) -> list[Recording]:
+        """What is recorded of a segment."""
+        last, end = (segment.n, self.problem.duration) if event is None else (event.sample, event.time)
+        if event is not None and end - segment.times()[last] < SAME_TIME:
+            last -= 1  # at the time of an impact the state after it is recorded
+        for name, time in (*self._parting.items(), *segment.releases.items()):
+            if time is not None and time <= end:
+                self.events.release([name], time)
+        return [segment.recording(last)] if last >= 0 else []
 
-        Summed from small terms: the difference of two distances would bring their rounding into the forces.
-        """
-        b, a = self._b, self._a
-        dx, dy, cx, cy = _arc(row[b + 2], h * row[b + 5], self._bx, self._by)
-        x, y = row[b] + dx, row[b + 1] + dy
-        px, py = h * (row[b + 3] - row[b + 5] * dy), h * (row[b + 4] + row[b + 5] * dx)
-        if a < 0:
-            x, y = x - self._ax, y - self._ay
-        else:
-            dx, dy, ax, ay = _arc(row[a + 2], h * row[a + 5], self._ax, self._ay)
-            x, y, cx, cy = x - row[a] - dx, y - row[a + 1] - dy, cx - ax, cy - ay
-            px, py = px - h * (row[a + 3] - row[a + 5] * dy), py - h * (row[a + 4] + row[a + 5] * dx)
-        if self._slides:  # the foot goes along: nothing moves across
-            return cx * self._nx + cy * self._ny
-        distance = math.hypot(x, y)
-        along = (x * cx + y * cy) / distance
-        across = (x * (py + cy) - y * (px + cx)) / distance
-        expected = distance + (x * px + y * py) / distance + along
-        return along + across * across / (math.hypot(expected, across) + expected)
-
-    def move_foot(self, row: Row) -> None:
-        """Put the end on the ground where the other one is about to be, seen across the slot."""
-        axis = self.rod.axis
-        assert axis is not None
-        b, h = self._b, self._h
-        angle = row[b + 2] + h * row[b + 5]
-        c, s = math.cos(angle), math.sin(angle)
-        x = row[b] + h * row[b + 3] + c * self._bx - s * self._by
-        y = row[b + 1] + h * row[b + 4] + s * self._bx + c * self._by
-        along = (x - self._ax) * axis.real + (y - self._ay) * axis.imag
-        self._ax += along * axis.real
-        self._ay += along * axis.imag
-        self.joint.anchor_a = (self._ax, self._ay)
+    def _after_impact(self, event: _ContactEvent, plastic: frozenset[str] = frozenset()) -> Mechanism:
+        """The mechanism as it leaves an impact, in which the plastic contacts do not rebound."""
+        placed = _with_closed(self.mechanism, event.touching).model_copy(
+            update={"start": tuple(event.q.tolist()), "start_speeds": tuple(event.u.tolist())}
+        )
+        speeds = gap_speeds(placed, event.touching, event.q, event.u)
+        impact = resolve_impact(placed, self.events.restitution(speeds, plastic), self.options.pivot_mass)
+        self.events.note_impact(event.time, impact.impulses)
+        self._last, self._plastic = event, plastic
+        self._parting = {name: event.time for name in event.touching if name not in impact.resting}
+        return _with_closed(placed, impact.resting).model_copy(update={"start_speeds": tuple(impact.u.tolist())})
 
 
-def _arc(angle: float, turn: float, x: float, y: float) -> tuple[float, float, float, float]:
-    """A body's local point from its centre, and how its arc leaves the tangent in a turn [m]."""
-    if x == 0.0 == y:
-        return 0.0, 0.0, 0.0, 0.0
-    c, s = math.cos(angle), math.sin(angle)
-    dx, dy = c * x - s * y, s * x + c * y
-    sine = math.sin(turn / 2)
-    inwards, behind = -2.0 * sine * sine, math.sin(turn) - turn
-    return dx, dy, inwards * dx - behind * dy, inwards * dy + behind * dx
+class _EventFinder:
+    """Finds the first inactive contact that is met in a segment."""
+
+    def __init__(self, segment: Segment, touched: Collection[str], events: ContactEvents) -> None:
+        self.segment, self.events = segment, events
+        self.kinematics = Kinematics(segment.assembly.mechanism)
+        mechanism = segment.assembly.mechanism
+        # A contact that has just opened may penetrate by its rounding or drift: it can be met once it has had a gap.
+        self._parted = {stop.name for stop in mechanism.stops if stop.name not in touched}
+        self._near = initial_state(mechanism)[0]
+
+    def first_event(self, first: int, last: int) -> _ContactEvent | None:
+        """The first event between two samples, the first one included."""
+        reading = self.segment.reading(first, last, self._near)
+        q, u = reading.coordinates()
+        self._near = q[-1]
+        hits = {stop.name: self._first_penetration(stop.name, first, q, u) for stop in reading.mechanism.stops}
+        events = [self._located(name, k - 1, reading, first) for name, k in hits.items() if k is not None]
+        return min(events, key=lambda event: event.time, default=None)
+
+    def _first_penetration(self, name: str, first: int, q: FloatArray, u: FloatArray) -> int | None:
+        """The sample before which a contact is met."""
+        opened = self._opened(name)
+        if opened is None:
+            return None
+        gaps = self.kinematics.gap(name, q)
+        speeds = np.sum(self.kinematics.gap_jacobian(name, q) * u, axis=-1)
+        for k in range(max(first, opened), first + len(q)):
+            gap, speed = float(gaps[k - first]), float(speeds[k - first])
+            if gap > 0:
+                self._parted.add(name)
+            elif gap < 0 and speed < 0 and (name in self._parted or k >= opened + _SETTLING_SAMPLES):
+                return k
+        return None
+
+    def _opened(self, name: str) -> int | None:
+        """Sample from which a contact is inactive; None while it is active."""
+        regimes = [(first, active) for first, active in self.segment.regimes if name not in active]
+        return regimes[0][0] if regimes else None
+
+    def _located(self, name: str, k: int, reading: Reading, first: int) -> _ContactEvent:
+        """The event between samples k and k + 1, where a gap is zero."""
+        k = max(k, first)
+        (q, u), a = reading.coordinates(), reading.accelerations()
+        q, u, a = q[k - first], u[k - first], a[k - first]
+
+        def gap(after: float) -> float:
+            return float(self.kinematics.gap(name, q + after * (u + after / 2 * a)))
+
+        h = self.segment.h
+        after = float(brentq(gap, 0.0, h, xtol=1e-16)) if gap(0.0) > 0 > gap(h) else (h if gap(0.0) > 0 else 0.0)
+        time, there = float(self.segment.times()[k]) + after, q + after * (u + after / 2 * a)
+        active = [other for other in self.segment.active_at(k) if (self.segment.releases[other] or np.inf) > time]
+        touching = self.events.touching(time, name, active, lambda other: float(self.kinematics.gap(other, there)))
+        return _ContactEvent(time, there, u + after * a, touching, name, k)
+
+
+def _with_closed(mechanism: Mechanism, closed: Collection[str]) -> Mechanism:
+    # Not validated: the start's gaps are zero to rounding only.
+    stops = tuple(stop.model_copy(update={"closed": stop.name in closed}) for stop in mechanism.stops)
+    return mechanism.model_copy(update={"stops": stops})

@@ -1,4 +1,4 @@
-"""One step of Chipmunk's machine to the state where it stands, its impulses found as exactly as they can be."""
+"""The velocity increment of one Chipmunk step to the assembly's present position, its impulses converged."""
 
 from __future__ import annotations
 
@@ -10,76 +10,81 @@ import pymunk
 
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
-from .build import Machine
+from .build import Assembly
 from .read import Reading, Samples
 
 STEP = 1.0  # [s]
-# How far the impulses are solved is an option of a run, not of the model: passes are doubled until they are settled.
+# The accuracy of the impulses is an option of a run, not of the model: passes are doubled until they converge.
 _FIRST_PASSES, _ROUNDS = 500, 12
-_SETTLED = 5e-14  # change of the velocities in a round: some 200 roundings, beyond which they only flicker
-_ENOUGH = 1e-11  # a tenth of what models are compared to; rounding that adds up over the passes may end nearer to it
+_SETTLED = 5e-14  # change of the velocities in a round: some 200 roundings, the noise that remains
+_ENOUGH = 1e-11  # a tenth of the tolerance to which models are compared; rounding errors add up over the passes
 
-_Place = tuple[pymunk.Vec2d, float]  # position [m] and angle [rad] of a body
+_Position = tuple[pymunk.Vec2d, float]  # position [m] and angle [rad] of a body
 
 
-def settled_kick(machine: Machine) -> FloatArray:
-    """Change of the bodies' rates (:func:`rates_of`) in a step of `STEP`, shape (n_bodies, 3); they are left as before.
+def settled_increment(assembly: Assembly) -> FloatArray:
+    """Change of the bodies' rates (:func:`rates_of`) in a step of `STEP`, shape (n_bodies, 3); they are then restored.
 
     Raises:
-        SimulationError: the impulses do not settle, because masses differ too much.
+        SimulationError: the impulses do not converge, because masses differ too much.
     """
-    before = rates_of(machine)
-    places = [(body.position, body.angle) for body in machine.bodies]
-    kick = _kick(machine, places, before)
-    for body, (x, y, spin) in zip(machine.bodies, before.tolist(), strict=True):
-        body.velocity, body.angular_velocity = (x, y), spin
-    return kick
+    before = rates_of(assembly)
+    positions = [(body.position, body.angle) for body in assembly.bodies]
+    increment = _increment(assembly, positions, before)
+    set_rates(assembly, before)
+    return increment
 
 
-def _kick(machine: Machine, places: Sequence[_Place], before: FloatArray) -> FloatArray:
-    # A joint feels its ends' rounding, which is of the places' size, however small the accelerations are.
-    reach = max(abs(complex(*position)) for position, _ in places) / STEP
-    kick, change = np.full_like(before, np.inf), math.inf
+def _increment(assembly: Assembly, positions: Sequence[_Position], before: FloatArray) -> FloatArray:
+    # A joint's error has the rounding of its ends' positions, however small the accelerations are.
+    reach = max(abs(complex(*position)) for position, _ in positions) / STEP
+    increment, change = np.full_like(before, np.inf), math.inf
     for doublings in range(_ROUNDS):
-        _put_back(machine, places, before)
-        # Taken once more from where it began, the step goes on with the impulses it has found.
-        machine.space.iterations = _FIRST_PASSES * 2**doublings
-        machine.space.step(STEP)
-        last, kick = kick, rates_of(machine) - before
-        previous, change = change, float(np.abs(kick - last).max() / max(np.abs(kick).max(), reach))
+        _move_back(assembly, positions, before)
+        # The step is repeated from the same state, and starts with the impulses found so far.
+        assembly.space.iterations = _FIRST_PASSES * 2**doublings
+        assembly.space.step(STEP)
+        last, increment = increment, rates_of(assembly) - before
+        previous, change = change, float(np.abs(increment - last).max() / max(np.abs(increment).max(), reach))
         if change <= _SETTLED or previous < change <= _ENOUGH:
             break
     if not change <= _ENOUGH:
         raise SimulationError(
-            f"pymunk cannot hold {machine.mechanism.name!r} in one place: its impulses are not settled after "
-            f"{machine.space.iterations} passes; its masses differ too much for them."
+            f"pymunk cannot hold {assembly.mechanism.name!r} in one place: its impulses are not settled after "
+            f"{assembly.space.iterations} passes; its masses differ too much for them."
         )
-    return kick
+    return increment
 
 
-def rates_of(machine: Machine) -> FloatArray:
+def rates_of(assembly: Assembly) -> FloatArray:
     """Velocities and angular velocities of the bodies, shape (n_bodies, 3)."""
-    return np.array([[*body.velocity, body.angular_velocity] for body in machine.bodies])
+    return np.array([[*body.velocity, body.angular_velocity] for body in assembly.bodies])
 
 
-def _put_back(machine: Machine, places: Sequence[_Place], rates: FloatArray) -> None:
-    """By one step, which moves the bodies first and so brings them to where they stand."""
-    for body, (position, angle), (x, y, spin) in zip(machine.bodies, places, rates.tolist(), strict=True):
+def set_rates(assembly: Assembly, rates: FloatArray) -> None:
+    """Give the bodies these velocities and angular velocities, shape (n_bodies, 3)."""
+    for body, (x, y, spin) in zip(assembly.bodies, rates.tolist(), strict=True):
         body.velocity, body.angular_velocity = (x, y), spin
+
+
+def _move_back(assembly: Assembly, positions: Sequence[_Position], rates: FloatArray) -> None:
+    """By one step: Chipmunk's step moves the bodies first, and so brings them to these positions."""
+    set_rates(assembly, rates)
+    for body, (position, angle) in zip(assembly.bodies, positions, strict=True):
         body.position = position - STEP * body.velocity
-        body.angle = angle - STEP * spin
+        body.angle = angle - STEP * body.angular_velocity
 
 
-def reading_of(machine: Machine, accelerations: FloatArray | None = None) -> Reading:
-    """The bodies as they are, as one sample; accelerations as in :func:`rates_of`, left out where none are asked."""
-    rates = rates_of(machine)
+def reading_of(assembly: Assembly, accelerations: FloatArray | None = None) -> Reading:
+    """The bodies' present state as one sample; accelerations as in :func:`rates_of`, zero if left out."""
+    rates = rates_of(assembly)
     rates, changes = rates.T, (np.zeros_like(rates) if accelerations is None else accelerations).T
     samples = Samples(
-        place=np.array([[complex(*body.position) for body in machine.bodies]]),
-        angle=np.array([[body.angle for body in machine.bodies]]),
+        place=np.array([[complex(*body.position) for body in assembly.bodies]]),
+        angle=np.array([[body.angle for body in assembly.bodies]]),
         velocity=(rates[0] + 1j * rates[1])[None],
         spin=rates[2][None],
         acceleration=(changes[0] + 1j * changes[1])[None],
         spin_rate=changes[2][None],
     )
-    return Reading(machine, samples)
+    return Reading(assembly, samples)

@@ -35,9 +35,9 @@ def _ball_aside(text: str) -> str:
 
 def _still_foot(monkeypatch: pytest.MonkeyPatch) -> None:
     """pymunk's wall is a rod, whose foot then stays where it was."""
-    from trebucheck.engines.pymunk import step as _pymunk_step
+    from trebucheck.engines.pymunk import leapfrog
 
-    monkeypatch.setattr(_pymunk_step._HeldRod, "move_foot", lambda *_: None)
+    monkeypatch.setattr(leapfrog._CorrectedRod, "move_anchor", lambda *_: None)
 
 
 def _body_frame(monkeypatch: pytest.MonkeyPatch) -> None:
