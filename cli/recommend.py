@@ -54,8 +54,9 @@ def recommend_command(
     trebucheck recommend --model fixed --set l1=9.5 --engines mujoco --position 1e-6 --release 1e-8
     """
     from ..comparisons.recommend import Asked, recommend
+    from ..comparisons.recommend.report import document
     from ..comparisons.recommend.target import read_torque
-    from ..comparisons.recommend.terminal import print_advice
+    from ..comparisons.report import terminal
 
     if position is None and torque is None and release is None:
         raise InputError("nothing is asked; give at least one of --position, --torque and --release.")
@@ -66,4 +67,4 @@ def recommend_command(
     study = options.study([mechanism if own else model.strip()], engines, out, resume, timeout, parameters=parameters)
     with output.progress("references", 30) as show:
         advice = recommend(replace(study, progress=show), asked, neighbours)
-    output.write((out / "recommend.json", advice.to_json()), None, partial(print_advice, advice), "")
+    output.write((out / "recommend.json", advice.to_json()), None, partial(terminal.show, document(advice)), "")
