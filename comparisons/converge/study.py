@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
+from ...engines.protocol import Engine
 from ...engines.registry import engine, engine_class
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
@@ -27,16 +27,6 @@ from .steps import fitting
 _QUANTITIES: tuple[QuantityName, ...] = ("position", "torque")
 
 
-@dataclass(frozen=True)
-class _Refinement:
-    """A study as it is carried out: its data, and the trials behind its points."""
-
-    study: ParameterStudy
-    knob: Knob
-    trials: tuple[Trial | None, ...]
-    """None where the engine refused the options."""
-
-
 def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
     """Carry out the studies; each machine must launch.
 
@@ -53,7 +43,7 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
     machines: list[MachineStudies] = []
     with study.worker() as worker:
         for mechanism in study.mechanisms:
-            machines.append(_Machine(Trials(mechanism, worker, study.store), count).studies(plan, absent))
+            machines.append(_machine(Trials(mechanism, worker, study.store), plan, absent, count))
     return Studies.made_here(machines=tuple(machines))
 
 
@@ -69,124 +59,138 @@ def _plan(names: Sequence[str], chosen: Sequence[str] | None) -> tuple[list[str]
     return absent, [(name, knob) for name, knob in every if name not in absent]
 
 
-class _Machine:
-    """One machine and its trials."""
+def _machine(trials: Trials, plan: _Plan, absent: list[str], count: Counter) -> MachineStudies:
+    """All studies of one machine, and the limits that follow from them."""
+    mechanism, known = trials.mechanism, reference_uncertainty(trials.solution, trials.end)
+    uncertainty: dict[QuantityName, float] = {quantity: _uncertainty(known, quantity) for quantity in _QUANTITIES}
+    studies: list[ParameterStudy] = []
+    limits: dict[str, Extrapolated] = {}
+    for name, knob in plan:
+        sweep = _Sweep(trials, uncertainty, name, knob, count)
+        studies.append(sweep.study())
+        limit = sweep.limit()
+        if limit is not None:
+            limits[studies[-1].label] = limit
+    return MachineStudies(
+        model=mechanism.name,
+        mechanism=mechanism,
+        mechanism_hash=mechanism.content_hash,
+        launch_time=trials.end,
+        uncertainty=uncertainty,
+        uncertainty_source=known.source,
+        studies=tuple(studies),
+        limits=tuple(_limit_row(label, limit) for label, limit in limits.items()),
+        pairs=tuple(_pairs(limits)),
+        absent=tuple(absent),
+    )
 
-    def __init__(self, trials: Trials, count: Counter) -> None:
-        self.trials, self.count = trials, count
-        self.events = [time for time in trials.solution.release_times.values() if time is not None]
-        self.known = reference_uncertainty(trials.solution, trials.end)
-        self.uncertainty: dict[QuantityName, float] = {
-            quantity: _uncertainty(self.known, quantity) for quantity in _QUANTITIES
-        }
 
-    def studies(self, plan: _Plan, absent: list[str]) -> MachineStudies:
-        """All of the plan, and the limits that follow from it."""
-        refined = [self.refined(name, knob) for name, knob in plan]
-        limits = {one.study.label: made for one in refined if (made := _limit(one)) is not None}
-        mechanism = self.trials.mechanism
-        return MachineStudies(
-            model=mechanism.name,
-            mechanism=mechanism,
-            mechanism_hash=mechanism.content_hash,
-            launch_time=self.trials.end,
-            uncertainty=self.uncertainty,
-            uncertainty_source=self.known.source,
-            studies=tuple(one.study for one in refined),
-            limits=tuple(_described(label, made) for label, made in limits.items()),
-            pairs=tuple(_pairs(limits)),
-            absent=tuple(absent),
-        )
+class _Sweep:
+    """One parameter of an engine, taken through its values on one machine."""
 
-    def refined(self, name: str, knob: Knob) -> _Refinement:
-        """Turn one knob through its values."""
-        values = [self.fitted(knob, value) for value in knob.values]
-        without = None if knob.without is None else self.trial(name, knob, knob.without, 1)
-        trials: list[Trial | None] = []
-        points: list[Point] = []
-        for value in values:
-            self.count.start(f"{self.trials.mechanism.name}: {name} {knob.preset} {knob.name}")
-            trial, message = self.tried(name, knob, value)
-            trials.append(trial)
-            points.append(_point(value, knob, trial, message, without))
-        study = ParameterStudy(
-            engine=name,
-            engine_version=engine_class(name).version(),
-            preset=knob.preset,
-            knob=knob.name,
-            title=knob.title,
-            unit=knob.unit,
-            base=dict(knob.base),
-            settings=next((trial.settings for trial in trials if trial is not None), {}),
-            expected=knob.expected,
-            why=knob.why,
-            own=knob.without is not None,
-            points=tuple(points),
-            curves=tuple(self.curve(name, knob, points, without, quantity) for quantity in _QUANTITIES),
-        )
-        return _Refinement(study, knob, tuple(trials))
+    def __init__(
+        self, trials: Trials, uncertainty: dict[QuantityName, float], name: str, knob: Knob, count: Counter
+    ) -> None:
+        self.machine, self.uncertainty, self.name, self.knob = trials, uncertainty, name, knob
+        self.of_step = "timestep" in knob.options(knob.values[0])
+        self.without = None if knob.without is None else self.trial(knob.without, 1)
+        self.trials: list[Trial | None] = []
+        """One a value; None where the engine refused the options."""
+        self.points: list[Point] = []
+        events = [time for time in trials.solution.release_times.values() if time is not None]
+        for value in knob.values:
+            count.start(f"{trials.mechanism.name}: {name} {knob.preset} {knob.name}")
+            self._measure(fitting(value, trials.end, events) if self.of_step else value)
 
-    def fitted(self, knob: Knob, value: float) -> float:
-        """The value itself; a time step near it that fits the throw."""
-        return fitting(value, self.trials.end, self.events) if _turns_the_step(knob) else value
-
-    def trial(self, name: str, knob: Knob, options: Any, repeats: int) -> Trial:
-        """With the knob's base and these options over it."""
-        made = engine(name, knob.preset, **{**knob.base, **options})
-        return self.trials.trial(made, repeats)
-
-    def tried(self, name: str, knob: Knob, value: float) -> tuple[Trial | None, str | None]:
-        """A trial, or why there is none."""
+    def _measure(self, value: float) -> None:
         try:
-            trial = self.trial(name, knob, knob.options(value), knob.repeats)
+            trial = self.trial(self.knob.options(value), self.knob.repeats)
+            message = trial.message
         except InputError as error:
-            return None, str(error)
-        return trial, trial.message
+            trial, message = None, str(error)
+        self.trials.append(trial)
+        self.points.append(_point(value, self.knob, trial, message, self.without))
 
-    def curve(
-        self, name: str, knob: Knob, points: Sequence[Point], without: Trial | None, quantity: QuantityName
-    ) -> Curve:
-        """Law and floor of one quantity along a study."""
-        own, unit = without is not None, self.trials.mechanism.force_unit
-        errors = [point.error(quantity, own) for point in points]
-        known = 0.0 if own else self.uncertainty[quantity]
-        law = power_law([point.value for point in points], errors, known)
-        if without is not None:
-            rest = _whole(without, quantity)
-            found = None if rest is None else self.floor(name, knob, knob.without or {}, quantity, (None, rest))
-            return Curve(quantity=quantity, force_unit=unit, law=law, floor=found)
-        ran = [(point.value, error) for point, error in zip(points, errors, strict=True) if error]
+    def engine(self, options: Mapping[str, Any]) -> Engine:
+        """With the sweep's fixed options and these over them."""
+        return engine(self.name, self.knob.preset, **{**self.knob.base, **options})
+
+    def trial(self, options: Mapping[str, Any], repeats: int) -> Trial:
+        """Of the engine with these options."""
+        return self.machine.trial(self.engine(options), repeats)
+
+    def study(self) -> ParameterStudy:
+        """As data, with laws and floors."""
+        return ParameterStudy(
+            engine=self.name,
+            engine_version=engine_class(self.name).version(),
+            preset=self.knob.preset,
+            knob=self.knob.name,
+            title=self.knob.title,
+            unit=self.knob.unit,
+            base=dict(self.knob.base),
+            settings=next((trial.settings for trial in self.trials if trial is not None), {}),
+            expected=self.knob.expected,
+            why=self.knob.why,
+            own=self.without is not None,
+            points=tuple(self.points),
+            curves=tuple(self.curve(quantity) for quantity in _QUANTITIES),
+        )
+
+    def curve(self, quantity: QuantityName) -> Curve:
+        """Law and floor of one quantity along the sweep."""
+        own = self.without is not None
+        errors = [point.error(quantity, own) for point in self.points]
+        law = power_law([point.value for point in self.points], errors, 0.0 if own else self.uncertainty[quantity])
+        ran = [(point.value, error) for point, error in zip(self.points, errors, strict=True) if error]
+        explained = self._floor_along(quantity, law, ran) if self.without is None else self._floor_without(quantity)
+        unit = self.machine.mechanism.force_unit
+        return Curve(quantity=quantity, force_unit=unit, law=law, floor=explained)
+
+    def _floor_without(self, quantity: QuantityName) -> Floor | None:
+        """What sets the error that is left with the parameter's own error taken out."""
+        left = None if self.without is None else _whole(self.without, quantity)
+        return None if left is None else self.floor(self.knob.without or {}, quantity, (None, left))
+
+    def _floor_along(
+        self, quantity: QuantityName, law: PowerLaw | None, ran: Sequence[tuple[float, float]]
+    ) -> Floor | None:
+        """What sets the least error, unless it still falls at the finest value."""
         # The law's finest point is one of these: beyond it errors may only grow.
         beyond = ran if law is None else ran[_finest(law, [value for value, _ in ran]) :]
         if len(beyond) < (1 if law is None else 2) or _still_falls(ran):
-            return Curve(quantity=quantity, force_unit=unit, law=law, floor=None)
-        at = beyond[-1] if law is None else min(beyond, key=lambda found: found[1])
-        finer = beyond[beyond.index(at) + 1 :]
-        return Curve(
-            quantity=quantity,
-            force_unit=unit,
-            law=law,
-            floor=self.floor(name, knob, knob.options(at[0]), quantity, at, finer),
-        )
+            return None
+        at = beyond[-1] if law is None else min(beyond, key=lambda point: point[1])
+        return self.floor(self.knob.options(at[0]), quantity, at, beyond[beyond.index(at) + 1 :])
 
     def floor(
         self,
-        name: str,
-        knob: Knob,
-        options: Any,
+        options: Mapping[str, Any],
         quantity: QuantityName,
         at: tuple[float | None, float],
         finer: Sequence[tuple[float, float]] = (),
     ) -> Floor:
-        """What sets an error, by turning the other knobs there."""
-        made = engine(name, knob.preset, **{**knob.base, **options})
+        """What sets an error, found by changing other options there."""
 
-        def measure(change: dict[str, Any]) -> float | None:
-            return _whole(self.trial(name, knob, {**options, **change}, 1), quantity)
+        def measure(change: Mapping[str, Any]) -> float | None:
+            return _whole(self.trial({**options, **change}, 1), quantity)
 
         value, error = at
-        site = Site(name, made.settings, tuple(knob.options(knob.values[0])), error, value, measure)
+        swept = tuple(self.knob.options(self.knob.values[0]))
+        site = Site(self.name, self.engine(options).settings, swept, error, value, measure)
         return floor(site, self.uncertainty[quantity], finer)
+
+    def limit(self) -> Extrapolated | None:
+        """Of a sweep of the time step with the preset's other options."""
+        if not self.of_step or self.knob.base:
+            return None
+        return limit(
+            [
+                Level(point.value, _position(trial.deviation), _torques(trial.deviation))
+                for point, trial in zip(self.points, self.trials, strict=True)
+                if trial is not None and trial.deviation is not None
+            ]
+        )
 
 
 def _finest(law: PowerLaw, values: Sequence[float]) -> int:
@@ -201,10 +205,6 @@ def _still_falls(ran: Sequence[tuple[float, float]]) -> bool:
         return False
     (before, larger), (last, smaller) = ran[-2:]
     return np.log(larger / smaller) >= 0.5 * abs(np.log(before / last))
-
-
-def _turns_the_step(knob: Knob) -> bool:
-    return "timestep" in knob.options(knob.values[0])
 
 
 def _uncertainty(known: Uncertainties, quantity: QuantityName) -> float:
@@ -246,31 +246,18 @@ def _largest(torques: FloatArray) -> float | None:
     return float(np.abs(torques).max()) if torques.size else None
 
 
-def _limit(refined: _Refinement) -> Extrapolated | None:
-    """Of a study of the time step with the preset's other options."""
-    if not _turns_the_step(refined.knob) or refined.knob.base:
-        return None
-    return limit(
-        [
-            Level(point.value, _position(trial.deviation), _torques(trial.deviation))
-            for point, trial in zip(refined.study.points, refined.trials, strict=True)
-            if trial is not None and trial.deviation is not None
-        ]
-    )
-
-
-def _described(label: str, made: Extrapolated) -> Limit:
+def _limit_row(label: str, limit: Extrapolated) -> Limit:
     name, preset = label.rsplit(" ", 1)
     return Limit(
         engine=name,
         preset=preset,
-        levels=made.levels,
-        order=made.order,
-        power=made.power,
-        position=largest(made.position),
-        position_three=largest(made.position_three),
-        estimate=made.estimate,
-        torque=_largest(made.torques),
+        levels=limit.levels,
+        order=limit.order,
+        power=limit.power,
+        position=largest(limit.position),
+        position_three=largest(limit.position_three),
+        estimate=limit.estimate,
+        torque=_largest(limit.torques),
     )
 
 
