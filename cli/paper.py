@@ -49,13 +49,13 @@ def paper_command(
 
 
 def _write(study: Study, out: Path) -> None:
-    from ..comparisons.report.terminal import console
+    from ..comparisons.report import html, terminal
     from ..models.files import write_text
-    from ..paper.report.page import page
-    from ..paper.report.terminal import print_study
+    from ..paper.report import document
 
-    html = page(study)  # made before anything is written, so that nothing is left half-written
+    report = document(study)
+    page = html.page(report)  # rendered before anything is written, so that nothing is left half-written
     write_text(out / "paper.json", study.to_json())
-    write_text(out / "paper.html", html)
-    print_study(study, console())
-    console().print(f"\nReport: {out / 'paper.html'}   Data: {out / 'paper.json'}", soft_wrap=True)
+    write_text(out / "paper.html", page)
+    terminal.show(report, terminal.console())
+    terminal.console().print(f"\nReport: {out / 'paper.html'}   Data: {out / 'paper.json'}", soft_wrap=True)

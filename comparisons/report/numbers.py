@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 
@@ -50,6 +51,8 @@ def format_settings(settings: Mapping[str, object]) -> str:
 
 
 def sentence(text: str) -> str:
-    """With a capital and a full stop; a text that begins with a symbol keeps it (G is not g)."""
-    capital = text if text[1:2] in ("", " ") else text[:1].upper() + text[1:]
+    """With a capital and a full stop; a text that begins with a symbol (G is not g), such as l1, keeps it."""
+    first = re.match(r"\w*", text)
+    word = first.group() if first else ""
+    capital = text[:1].upper() + text[1:] if len(word) > 1 and word.isalpha() else text
     return capital if text.endswith(".") else f"{capital}."

@@ -9,7 +9,7 @@ import pytest
 import trebucheck as tb
 from trebucheck.comparisons.compare.report import QUANTITIES
 from trebucheck.models.machines.registry import models
-from trebucheck.paper.report.markdown import summary
+from trebucheck.paper.report import summary
 from trebucheck.paper.study import study
 from trebucheck.reference.certification.certificate import load_certificate
 

@@ -12,14 +12,15 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.models.spec import schema_text
+from trebucheck.comparisons.report.html import page
+from trebucheck.comparisons.report.numbers import sentence
+from trebucheck.paper import report as shown
 from trebucheck.paper.apart import begun
 from trebucheck.paper.claims import UNREACHED, order
 from trebucheck.paper.evidence import Row, spread
 from trebucheck.paper.machines.study import MachineEfficiency, Machines, SlingThrow, WidestThrow
 from trebucheck.paper.printed import parse
 from trebucheck.paper.quantities import fit
-from trebucheck.paper.report import text as shown
-from trebucheck.paper.report.page import page
 from trebucheck.paper.results import Claim, EngineValue, Quantity, Series, Study, Verdict
 from trebucheck.paper.rows import machine as rows_machine
 from trebucheck.paper.rows import machines as rows_machines
@@ -230,7 +231,7 @@ def test_who_beats_whom_is_told_only_where_lengths_do_not_decide(
     ],
 )
 def test_reasons_are_shown_as_sentences(text: str, printed: str) -> None:
-    assert shown.sentence(text) == printed
+    assert sentence(text) == printed
 
 
 def test_the_papers_energies_tell_machines_apart() -> None:
@@ -280,7 +281,7 @@ def test_the_summary_counts_and_ranks(small: Study) -> None:
 
 
 def test_the_page_stands_for_itself(small: Study) -> None:
-    html = page(small)
+    html = page(shown.document(small))
     own = html.replace(html[html.index("<script>") : html.index("</script>")], "")  # plotly's code names addresses
     assert 'src="' not in own
     assert 'href="http' not in own

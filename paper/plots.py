@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from ...comparisons.report.plots import ENGINE_COLOURS, finish
-from ..results import Series
+from ..comparisons.report.plots import ENGINE_COLOURS, PLUG_IN_COLOURS, finish
+from .results import Series
 
-_OURS, _PLUG_IN = "#444444", "#17becf"
 _PRINTED, _GRID, _OTHER = "#c0392b", "#9467bd", "#b08d57"
 _SYMBOLS = ("circle-open", "square-open", "diamond-open", "triangle-up-open", "star-open")
 _MACHINES = {"a": "fixed", "b": "rolling"}
 
-CAPTIONS = {
+_CAPTIONS = {
     "Fig. 2": "Multiplier of the hanger's constraint against time, fixed machine, in the paper's sign.",
     "Fig. 3": "Multiplier of the sling's constraint against time, fixed machine, in the paper's sign. The kink is the "
     "hanger's release.",
@@ -30,21 +28,11 @@ CAPTIONS = {
 }
 
 
-@dataclass(frozen=True)
-class Picture:
-    """One of the paper's figures."""
-
-    name: str
-    caption: str
-    plot: go.Figure
-
-
-def pictures(series: Sequence[Series]) -> list[Picture]:
-    """All figures there are series of, in the paper's order."""
+def plots(series: Sequence[Series]) -> list[tuple[str, str, go.Figure]]:
+    """Name, caption and plot of each figure of the paper that there are series of, in the paper's order."""
     names = sorted({_figure(each) for each in series})
     return [
-        Picture(name, CAPTIONS.get(name, ""), _plot([each for each in series if _figure(each) == name]))
-        for name in names
+        (name, _CAPTIONS.get(name, ""), _plot([each for each in series if _figure(each) == name])) for name in names
     ]
 
 
@@ -92,9 +80,9 @@ def _style(series: Series) -> dict[str, Any]:
             else {"mode": "markers", "marker": mark}
         )
     if series.kind == "points":
-        colour = ENGINE_COLOURS.get(series.engine, _PLUG_IN) if series.engine else _GRID
+        colour = ENGINE_COLOURS.get(series.engine, PLUG_IN_COLOURS[-1]) if series.engine else _GRID
         number = sum(map(ord, series.name)) % len(_SYMBOLS)
         return {"mode": "markers", "marker": {"color": colour, "symbol": _SYMBOLS[number], "size": 9}}
     if series.name == "reference" or series.name.startswith("rests that can"):
-        return {"mode": "lines", "line": {"color": _OURS, "width": 2.5}}
+        return {"mode": "lines", "line": {"color": ENGINE_COLOURS["reference"], "width": 2.5}}
     return {"mode": "lines", "line": {"color": _OTHER, "width": 1.5, "dash": "dot"}}

@@ -1,0 +1,424 @@
+"""The further studies as chapters of the document."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import plotly.graph_objects as go
+from pydantic import JsonValue
+
+from ..comparisons.report.document import Block, Figure, Heading, Text, page_only, table
+from ..comparisons.report.numbers import sentence
+from ..comparisons.report.plots import finish
+from .design.first_forward_swing import CoincidingDesign, Design, Throwing
+from .drag.results import DragInterval, DragStudy
+from .identification.quantities import Identification
+from .machines.study import MachineEfficiency, Machines, SlingThrow, WidestThrow
+from .results import EngineValue
+from .sweep.results import Artefact, Position, Sweep
+
+_WORLDS = {"moon": "#777777", "mars": "#c0392b", "earth": "#1f77b4", "venus": "#d9a30d"}
+
+
+def chapters(sections: Mapping[str, JsonValue]) -> Iterator[Block]:
+    """A chapter for each study; one that failed says why, one without a chapter of its own is named."""
+    for name in dict.fromkeys([*_CHAPTERS, *sections]):
+        if name not in sections:
+            continue
+        title, show = _CHAPTERS.get(name, (name.capitalize(), _as_data))
+        yield Heading(title, 2, name)
+        data = sections[name]
+        if isinstance(data, dict) and "failed" in data:
+            yield Text(f"This study failed: {data['failed']}", "warning", medium="page")
+            continue
+        try:
+            yield from [*show(data)]
+        except Exception as error:  # one chapter that cannot be shown must not cost the page
+            why = f"This study cannot be shown: {type(error).__name__}: {error}"
+            yield Text(why, "warning", medium="page")
+
+
+def _as_data(data: JsonValue) -> Iterator[Block]:
+    yield Text("Its values are in paper.json.", medium="page")
+
+
+def _section(
+    title: str, headings: Sequence[str], rows: Sequence[Sequence[object]], texts: Sequence[str] = ()
+) -> Iterator[Block]:
+    """A table under its title, and what is to be said of it."""
+    if title:
+        yield Heading(title)
+    for text in texts:
+        yield Text(text, medium="page")
+    yield page_only(table(headings, rows))
+
+
+def _findings(texts: Sequence[str]) -> Iterator[Block]:
+    for text in texts:
+        yield Text(sentence(text), medium="page")
+
+
+def _engines(values: Sequence[EngineValue]) -> list[str]:
+    return list(dict.fromkeys(value.engine for value in values))
+
+
+def _engine_value(values: Sequence[EngineValue], engine: str, form: str = ".6g", tolerance: str = "") -> str:
+    """An engine's value, or why there is none; with its tolerance where a format for it is given."""
+    found = next((each for each in values if each.engine == engine), None)
+    if found is None or found.value is None:
+        return "–" if found is None else found.note or "–"
+    beside = "" if not tolerance or found.tolerance is None else f" (± {found.tolerance:{tolerance}})"
+    return f"{found.value:{form}}{beside}"
+
+
+def _degrees(*angles: float) -> str:
+    return ", ".join(f"{math.degrees(angle):.4f}" for angle in angles)
+
+
+def _identification(data: JsonValue) -> Iterator[Block]:
+    """Fits, what determines them, and what singles one start out."""
+    found = Identification.model_validate(data)
+    yield from _findings(found.findings)
+    yield from _fits(found)
+    yield from _sensitivities(found)
+    extents = [(e.angle, _degrees(e.low), ", ".join(e.ends_low), _degrees(e.high), ", ".join(e.ends_high))
+               for e in found.fit.extents]  # fmt: skip
+    headings = ("angle", "from [deg]", "ended by", "to [deg]", "ended by")
+    yield from _section("Start angles compatible with every printed digit", headings, extents)
+    if found.search is not None:
+        rows = [(_degrees(*each.angles), each.worst, each.miss, each.starts) for each in found.search.solutions[:8]]
+        headings = ("θ, φ, α [deg]", "misses most", "by [half widths]", "starts that led there")
+        text = f"{found.search.machines} machines looked at, {found.search.starts} minima refined."
+        yield from _section("Search for other starts", headings, rows, [text])
+
+
+def _fits(found: Identification) -> Iterator[Block]:
+    rows = [
+        (
+            fit.name,
+            _degrees(*fit.angles),
+            ", ".join(fit.free),
+            _degrees(*fit.standard_errors),
+            fit.chi_square,
+            fit.degrees_of_freedom,
+            fit.p_value,
+            fit.compatible,
+        )
+        for fit in (found.fit, *found.nested)
+    ]
+    start, errors = "θ, φ, α at the start [deg]", "standard errors [deg]"
+    yield from _section("Fits", ("fit", start, "free", errors, "χ²", "degrees", "p", "all digits met"), rows)
+    at = {each.name: (each.computed, each.miss) for each in found.fit.figures}
+    numbers = [
+        (
+            each.name,
+            each.where,
+            f"{each.printed} {each.unit}".strip(),
+            *at.get(each.name, (None, None)),
+            "fitted" if each.fitted else "bound",
+            each.because,
+        )
+        for each in found.printed
+    ]
+    headings = ("number", "where", "printed", "at the fit", "off by [half widths]", "used as", "half width")
+    yield from _section("Printed numbers", headings, numbers)
+
+
+def _sensitivities(found: Identification) -> Iterator[Block]:
+    rows = [
+        (each.name, *each.per_radian, *(f"{share:.0%}" for share in each.information)) for each in found.sensitivities
+    ]
+    headings = ("number", "by θ [per rad]", "by φ", "by α", "tells θ", "tells φ", "tells α")
+    c = found.conditioning
+    text = (
+        f"Rank {c.rank} of 3, condition number {c.condition_number:.3g}; the joint 95 % region reaches "
+        f"{_degrees(*c.half_lengths)} deg along its axes, the best determined first."
+    )
+    yield from _section("Which number determines which angle", headings, rows, [text])
+
+
+def _drag(data: JsonValue) -> Iterator[Block]:
+    """Table II under each reading."""
+    study = DragStudy.model_validate(data)
+    yield from _findings(study.findings)
+    yield from _readings(study)
+    yield Figure(_best_angles(study), "Best angle against drag area")
+
+
+def _area(interval: DragInterval | None) -> str:
+    if interval is None:
+        return "none"
+    return f"{interval.low:.4g} on" if interval.high is None else f"{interval.low:.4g} to {interval.high:.4g}"
+
+
+def _readings(study: DragStudy) -> Iterator[Block]:
+    rows = [
+        (
+            r.angle.value,
+            r.gravity.value,
+            r.common_drag_area,
+            math.degrees(r.root_mean_square),
+            _area(r.shared),
+            sum(fit.agrees for fit in r.worlds),
+            max((len(grid.agreeing) for grid in r.grids), default=0),
+        )
+        for r in study.readings
+    ]
+    reading = ("angle printed is", "g changed")
+    common = ("best common C_d A [m²]", "misses by (rms) [deg]", "C_d A giving all [m²]")
+    yield from _section("Readings of Table II", (*reading, *common, "worlds met", "worlds met on a grid"), rows)
+    printed = {each.world: f"{each.printed}°" for each in study.printed}
+    worlds = [
+        (
+            fit.world,
+            printed[fit.world],
+            r.angle.value,
+            r.gravity.value,
+            math.degrees(fit.vacuum_angle),
+            _area(fit.drag_areas),
+            math.degrees(fit.common_angle),
+            fit.agrees,
+        )
+        for r in study.readings
+        for fit in r.worlds
+    ]
+    values = ("in vacuum [deg]", "C_d A that gives it [m²]", "with the common one [deg]", "agrees")
+    yield from _section("World by world", ("world", "printed", *reading, *values), worlds)
+
+
+def _best_angles(study: DragStudy) -> go.Figure:
+    figure = go.Figure()
+    for curve in study.readings[0].curves:
+        line = {"color": _WORLDS.get(curve.world), "width": 2}
+        figure.add_scatter(x=curve.drag_areas, y=[math.degrees(a) for a in curve.angles], name=curve.world, line=line)
+    for each in study.printed:
+        line = {"color": _WORLDS.get(each.world), "width": 1, "dash": "dash"}
+        figure.add_hline(
+            y=math.degrees(each.value), line=line, annotation_text=f"{each.world}: {each.printed}° in print"
+        )
+    # Logarithmic: what Venus feels at 0.1 m² takes Mars some hundred. Without drag nothing changes with the area.
+    figure.update_xaxes(title="C_d A [m²]", type="log", range=[-3, 1], exponentformat="power")
+    figure.update_yaxes(title="best angle of release [deg]")
+    return finish(figure, 420)
+
+
+def _sweep(data: JsonValue) -> Iterator[Block]:
+    """Peak, thresholds, what happens where on the beam."""
+    found = Sweep.model_validate(data)
+    text = f"Swept from l1 = {found.start:g} to {found.end:g} m, l1 + l2 = {found.beam:g} m."
+    yield from _section("What the curve shows", ("", ""), [*_curve_facts(found), *_regime_facts(found)], [text])
+    places = [*found.positions, *(place for place in (found.regime.below, found.regime.above) if place is not None)]
+    names = _engines([each for place in found.positions for each in place.engines])
+    headings = (
+        "l1 [m]",
+        "l1 : l2",
+        "torque on the arm [N m]",
+        "hanger's rest [N m]",
+        "furthest back [rad]",
+        "speed [m/s]",
+        "rests that may pull [m/s]",
+        *names,
+    )
+    rows = [_position(place, names) for place in sorted(places, key=lambda place: place.l1)]
+    yield from _section("Place by place", headings, rows)
+    yield from _root_searches(found.artefact)
+
+
+def _curve_facts(s: Sweep) -> Iterator[tuple[str, str]]:
+    peak, near, trend = s.peak, s.suspect, s.trend
+    speed = f"{peak.speed.value:.8g} m/s at l1 = {peak.l1.value:.8g} m ({peak.lever_ratio:.4g}:1)"
+    yield "largest launch speed", speed
+    backward = "nowhere" if s.backward.l1 is None else f"l1 = {s.backward.l1:.8g} m"
+    yield "gravity turns the arm backward below", backward
+    yield "least torque of gravity over the sweep", f"{s.backward.least_torque:.6g} N m, forward"
+    yield f"speed at l1 = {near.l1:g} m", f"{near.speed:.8g} m/s; by its neighbours {near.from_neighbours:.8g}"
+    yield "second difference there", f"{near.second_difference:.6g}; of the curve {near.second_derivative:.6g}"
+    slope = f"{trend.slope:.5g} m/s per m, R² {trend.determination:.5f}"
+    yield f"slope from {trend.start:.4g} to {trend.end:.4g} m", slope
+
+
+def _regime_facts(s: Sweep) -> Iterator[tuple[str, str]]:
+    regime = s.regime
+    if regime.l1 is not None:
+        change = f"l1 = {regime.l1.value:.9g} m; by root finding {regime.root:.9g} m"
+        yield "a rest would have to pull beyond", change
+        yield "there the arm asks of the hanger", f"{regime.needed:.6g} m/s², gravity gives {regime.available:.6g}"
+    if regime.swing is not None:
+        zeros = ", ".join(f"{zero:.4g} s" for zero in regime.swing.zeros) or "none"
+        yield "just above, both held: torque's zeros in a period", zeros
+
+
+def _position(place: Position, names: Sequence[str]) -> tuple[object, ...]:
+    return (
+        f"{place.l1:.7g}",
+        f"{place.lever_ratio:.4g}",
+        place.arm_torque,
+        place.rest_torques.get("hanger rest"),
+        place.furthest_back,
+        None if place.speed is None else place.speed.value,
+        place.bilateral_speed,
+        *(_engine_value(place.engines, name) for name in names),
+    )
+
+
+def _root_searches(artefact: Artefact) -> Iterator[Block]:
+    rows = [
+        (
+            search.guess,
+            search.lowest,
+            search.later_zero,
+            search.no_zero,
+            ", ".join(f"{l1:g}" for l1 in search.fails_at) or "none",
+        )
+        for search in artefact.searches
+    ]
+    found, later = "first zero found from l1 = [m]", "later zero at (places)"
+    guess = artefact.matching_guess
+    texts = [] if guess is None else [
+        f"A guess of {guess:.4g} s would begin to fail just at l1 = {artefact.threshold:g} m."
+    ]  # fmt: skip
+    texts.append("Nothing of the paper's program is published: this can only be compatible with it.")
+    headings = ("guess [s]", found, later, "none at (places)", "misses at l1 = [m]")
+    yield from _section("Could a root search make the paper's threshold?", headings, rows, texts)
+
+
+def _design(data: JsonValue) -> Iterator[Block]:
+    """Rolling machines whose peak comes at their best release, beside the paper's."""
+    found = Design.model_validate(data)
+    yield from _designs(found)
+    for each in found.designs:
+        if each.engines:
+            yield from _confirmed(each)
+    notes = [f"{each.name}: {'; '.join(each.warnings)}" for each in found.designs if each.warnings]
+    if notes:
+        yield Heading("What a builder should know")
+        yield from _findings(notes)
+
+
+def _designs(found: Design) -> Iterator[Block]:
+    named: list[tuple[str, Throwing | None]] = [
+        ("the paper's, fixed", found.paper_fixed),
+        ("the paper's, rolling", found.paper_rolling),
+        *((f"{each.name} ({each.reading.value})", each.throwing) for each in found.designs),
+        ("largest range of all", found.unconstrained),
+    ]
+    rows = [_throwing(name, each) for name, each in named if each is not None]
+    times = ("best release [s]", "fastest later by [s]")
+    values = ("angle [deg]", "speed [m/s]", "range [m]", "R", "efficiency")
+    r, h, l1 = (f"{low:g} to {high:g}" for low, high in (found.bounds.r, found.bounds.h, found.bounds.l1))
+    text = (
+        f"Chosen within r {r}, h {h}, l1 {l1} m, masses and l1 + l2 kept. "
+        f"Asked besides: {'; '.join(found.constraints)}."
+    )
+    active = "; ".join(f"{d.name} stands on {', '.join(d.optimality.active) or 'no bound'}" for d in found.designs)
+    texts = [text, f"{active}."] if active else [text]
+    yield from _section("Designs", ("machine", "r, h, l1 [m]", "l1 : l2", *times, *values), rows, texts)
+
+
+def _throwing(name: str, t: Throwing) -> tuple[object, ...]:
+    p = t.parameters
+    return (
+        name,
+        f"{p.r:.5g}, {p.h:.5g}, {p.l1:.5g}",
+        f"{t.lever_ratio:.4g}",
+        t.best_time,
+        f"{t.gap:.3g}",
+        math.degrees(t.angle),
+        t.speed,
+        t.range,
+        t.ratio,
+        t.efficiency,
+    )
+
+
+def _confirmed(each: CoincidingDesign) -> Iterator[Block]:
+    names = _engines([value for values in each.engines.values() for value in values])
+    rows = [
+        (quantity, *(_engine_value(values, name, ".9g", ".1g") for name in names))
+        for quantity, values in each.engines.items()
+    ]
+    yield from _section(f"{each.name}, by engines", ("quantity (SI units)", *names), rows)
+
+
+def _machines(data: JsonValue) -> Iterator[Block]:
+    """What each machine that the paper names makes of the energy it has."""
+    found = Machines.model_validate(data)
+    text = (
+        "Efficiency: the projectile's kinetic energy at 45 degrees over the energy available, which is the potential "
+        "energy at the start less the least there is. All have the paper's masses and arm; who wins depends on the "
+        f"sling, so each machine also gets its fastest, of {found.slings[0]:g} to {found.slings[1]:g} m, and each kind "
+        f"its most efficient machine with {_bounds(found)}."
+    )
+    yield Figure(_efficiencies(found), "Who makes most of its energy", text)
+    names = _engines([value for machine in found.machines for value in machine.engines])
+    yield from _throws(found, names)
+    rows = [
+        (machine.name, *(_engine_value(machine.distances, name, ".1e", ".0e") for name in names))
+        for machine in found.machines
+    ]
+    text = (
+        "Largest distance of any marked point from the reference up to the launch, each engine with its tuned preset "
+        "at its own default step; in brackets the agreement tolerance."
+    )
+    yield from _section("How well the engines follow [m]", ("machine", *names), rows, [text])
+
+
+def _bounds(found: Machines) -> str:
+    spans = [f"{name} of {low:g} to {high:g} m" for name, (low, high) in found.bounds.items() if name != "theta0"]
+    low, high = (math.degrees(angle) for angle in found.bounds["theta0"])
+    return f"{', '.join(spans)} and, where the arm begins backward, a start of {low:.0f} to {high:.0f} deg"
+
+
+def _efficiencies(found: Machines) -> go.Figure:
+    bars: dict[str, Callable[[MachineEfficiency], SlingThrow | None]] = {
+        "the paper's sling": lambda machine: machine.table_one,
+        "its fastest sling": lambda machine: machine.fastest_sling or machine.table_one,
+        "most efficient within bounds": lambda machine: machine.most_efficient,
+    }
+    figure, names = go.Figure(), [machine.name for machine in found.machines]
+    for name, of in bars.items():
+        throws = [of(machine) for machine in found.machines]
+        figure.add_bar(x=names, y=[None if throw is None else throw.efficiency for throw in throws], name=name)
+    figure.update_yaxes(title="efficiency", range=[0, 1], tickformat=".0%")
+    return finish(figure, 420)
+
+
+def _throws(found: Machines, names: Sequence[str]) -> Iterator[Block]:
+    rows: list[tuple[object, ...]] = []
+    for machine in found.machines:
+        throws = [(machine.table_one, machine.engines), (machine.fastest_sling, ()), (machine.most_efficient, ())]
+        rows += [_throw(machine, throw, values, names) for throw, values in throws if throw is not None]
+    chosen = ("l1 [m]", "start [deg]", "sling [m]", "available [kJ]", "launch [s]")
+    reached = ("arm there [deg]", "speed [m/s]", "kinetic energy [kJ]", "efficiency")
+    legend = "; ".join(f"{machine.name}: {machine.text}" for machine in found.machines)
+    yield from _section("Throws at 45 degrees", ("machine", *chosen, *reached, *names), rows, [f"{legend}."])
+
+
+def _throw(
+    machine: MachineEfficiency, throw: SlingThrow, values: Sequence[EngineValue], names: Sequence[str]
+) -> tuple[object, ...]:
+    given = ("as given", "as given")
+    return (
+        machine.name,
+        *((throw.l1, math.degrees(throw.theta0)) if isinstance(throw, WidestThrow) else given),
+        throw.sling,
+        throw.kinetic_energy / throw.efficiency / 1e3,
+        throw.launch_time,
+        math.degrees(throw.arm_angle),
+        throw.speed,
+        throw.kinetic_energy / 1e3,
+        throw.efficiency,
+        *(_engine_value(values, name) for name in names),
+    )
+
+
+_CHAPTERS: dict[str, tuple[str, Callable[[Any], Iterator[Block]]]] = {
+    "identification": ("The start angles, identified", _identification),
+    "drag": ("The drag area behind Table II", _drag),
+    "sweep": ("The fulcrum's position", _sweep),
+    "machines": ("The machines the paper names", _machines),
+    "design": ("A rolling machine designed as one", _design),
+}
+"""Title and blocks of each further study, by its name."""

@@ -1,0 +1,282 @@
+"""The audit of the paper as a document: verdicts, claims, the paper's figures and tables, and the further studies."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+from ..comparisons.report import markdown
+from ..comparisons.report.document import (
+    Block,
+    Cell,
+    Column,
+    Document,
+    Figure,
+    Fold,
+    Heading,
+    Listing,
+    Mark,
+    Note,
+    Row,
+    Text,
+    Tile,
+    Tiles,
+    page_only,
+    row,
+    table,
+    terminal_only,
+    words,
+)  # fmt: skip
+from ..comparisons.report.numbers import format_number, sentence
+from ..comparisons.report.provenance import mechanism_as_data
+from ..models.machines.parameters import TrebuchetParameters
+from ..models.machines.trebuchet import parameters_of
+from .chapters import chapters
+from .plots import plots
+from .results import Claim, EngineValue, Quantity, Study, Verdict
+
+_SHORT = {Verdict.HOLDS: "holds", Verdict.WITHIN_GRID: "in grid", Verdict.FAILS: "fails", Verdict.OPEN: "open"}
+_MARKS: dict[Verdict, Mark] = {
+    Verdict.HOLDS: "good",
+    Verdict.WITHIN_GRID: "strong",
+    Verdict.FAILS: "bad",
+    Verdict.OPEN: "warning",
+}
+
+
+def document(study: Study) -> Document:
+    """The verdicts, what matters most, and everything behind them; a terminal shows the verdicts and their causes."""
+    names = engines(study)
+    intro = (
+        "“Computational Modeling of a Trebuchet”: its numbers, orders and statements against a certified Lagrangian "
+        f"reference and {', '.join(names) or 'no engine'}. Every verdict follows from a stated rule."
+    )
+    tiles = tuple(Tile(str(number), verdict.value, _MARKS[verdict]) for verdict, number in counts(study).items())
+    total, agreeing = Text(headline(study), "strong", medium="terminal"), Text(agreement(study), medium="terminal")
+    found = Listing(tuple(Text(each) for each in findings(study)), ordered=True)
+    blocks = (
+        Note(intro),
+        Tiles(tiles),
+        Text(f"{headline(study)} {agreement(study)}", medium="page"),
+        Heading("What matters most"),
+        page_only(found),
+        *_claims(study, names),
+        *_figures(study),
+        *_tables(study),
+        *chapters(study.sections),
+        *_provenance(study),
+        total,
+        agreeing,
+        terminal_only(found),
+    )
+    return Document("The paper, claim by claim", blocks, "trebucheck paper")
+
+
+def summary(study: Study) -> str:
+    """Markdown for the README: how many claims there are, and those that do not hold, printed against ours."""
+    failing = [claim for claim in study.claims if claim.verdict is Verdict.FAILS]
+    rows = [(claim.where, claim.name, claim.printed, _value(claim.ours, 4)) for claim in failing]
+    columns = ("where", "does not hold", "printed", "ours")
+    return markdown.text(Document("", (Text(headline(study)), table(columns, rows))))
+
+
+def engines(study: Study) -> list[str]:
+    """Engines that any claim has a value of, in the order they were run in."""
+    return list(dict.fromkeys(each.engine for claim in study.claims for each in claim.engines))
+
+
+def counts(study: Study) -> dict[Verdict, int]:
+    """Number of claims by verdict, none left out."""
+    found = Counter(claim.verdict for claim in study.claims)
+    return {verdict: found[verdict] for verdict in Verdict}
+
+
+def headline(study: Study) -> str:
+    """One line: how many claims there are and what becomes of them."""
+    n = counts(study)
+    return (
+        f"{len(study.claims)} claims: {n[Verdict.HOLDS]} hold to the printed digits, {n[Verdict.WITHIN_GRID]} within "
+        f"the paper's grid, {n[Verdict.FAILS]} do not hold, {n[Verdict.OPEN]} cannot be told."
+    )
+
+
+def agreement(study: Study) -> str:
+    """One line: how many of the engines' values lie within their tolerances."""
+    judged = [found for c in study.claims for each in c.engines if (found := each.agrees(c.ours)) is not None]
+    return f"{sum(judged)} of {len(judged)} values of engines lie within their agreement tolerances."
+
+
+def disagreeing(study: Study) -> list[tuple[Claim, EngineValue]]:
+    """Engines' values outside their tolerance."""
+    return [(c, each) for c in study.claims for each in c.engines if each.agrees(c.ours) is False]
+
+
+def findings(study: Study, most: int = 3) -> list[str]:
+    """The most important results: what holds, then what departs most, one of each place in the paper."""
+    found = [_holding(study), *(_failing(claim) for claim in worst(study.claims, most - 1))]
+    return [each for each in found if each][:most]
+
+
+def _holding(study: Study) -> str:
+    """How the numbers of the throws fare, of which every engine has a value."""
+    numbers = [claim for claim in study.claims if claim.engines and _has_number(claim)]
+    holding = [claim for claim in numbers if claim.verdict in (Verdict.HOLDS, Verdict.WITHIN_GRID)]
+    names = engines(study)
+    if not numbers or not names:
+        return ""
+    whole = [c for c in holding if all(each.agrees(c.ours) is not False for each in c.engines)]
+    return (
+        f"Of {len(numbers)} printed numbers that engines were asked for, {len(holding)} come out, to their digits or "
+        f"within the paper's grid, and {len(whole)} of these in {', '.join(names)} as well."
+    )
+
+
+def _has_number(claim: Claim) -> bool:
+    """Whether a number or a bound is in print, not only a sign or a word."""
+    return re.match(r"\d|< \d", claim.printed) is not None
+
+
+def _failing(claim: Claim) -> str:
+    return f"{claim.where}, {claim.name} ({claim.printed}) does not hold: {claim.why}."
+
+
+def worst(claims: Sequence[Claim], most: int) -> list[Claim]:
+    """Claims that do not hold, farthest from ours first, no two from one section.
+
+    Before all others come those the paper draws its conclusions from, in its Sec. VII, and of these those in whose
+    section most fails.
+    """
+    failing = [claim for claim in claims if claim.verdict is Verdict.FAILS]
+    weight = Counter(_section(claim) for claim in failing)
+    ordered = sorted(failing, key=lambda c: ("VII" not in c.where, -weight[_section(c)], -(c.departure or 0.0)))
+    first: dict[str, Claim] = {}
+    for claim in ordered:
+        first.setdefault(_section(claim), claim)
+    return list(first.values())[:most]
+
+
+def _section(claim: Claim) -> str:
+    return claim.where.replace("Secs.", "Sec.").partition(",")[0]
+
+
+def _value(quantity: Quantity | None, digits: int = 9) -> str:
+    """A value with its unit."""
+    return "–" if quantity is None else f"{quantity.value:.{digits}g} {quantity.unit}".rstrip()
+
+
+def _claims(study: Study, names: Sequence[str]) -> Iterator[Block]:
+    """Every claim with our value and the engines'; in a terminal, those that do not hold follow with their causes."""
+    yield Heading("Claims", 2, "claims")
+    yield Note(
+        "“Ours” is the reference's, with the half width it is known to (certified where a certificate has the "
+        "quantity). Engines run with their tuned presets at their own default steps; green lies within the engine's "
+        "tolerance, carried over to the quantity by how strongly the machine's parameters move it with the "
+        "projectile's position; point at a value for the tolerance and at a verdict for its rule."
+    )
+    columns = (
+        words("where", medium="terminal"),
+        words("claim"),
+        words("where", medium="page"),
+        words("printed"),
+        Column("verdict", align="left", medium="page"),
+        Column("ours", medium="page"),
+        Column("ours", medium="terminal"),
+        Column("±", medium="page"),
+        *(Column(name, medium="page") for name in names),
+        Column("engines", medium="terminal"),
+        Column("verdict", align="left", medium="terminal"),
+    )
+    rows = [each for i, claim in enumerate(study.claims, 1) for each in _claim(claim, names, f"claim-{i}")]
+    yield table(columns, rows)
+    for claim in study.claims:
+        if claim.verdict in (Verdict.FAILS, Verdict.OPEN):
+            yield Text(f"({claim.where}): {claim.why}.", _MARKS[claim.verdict], claim.name, "terminal")
+    for claim, each in disagreeing(study):
+        yield Text(f"({claim.name}): {each.value} is outside its tolerance.", "bad", each.engine, "terminal")
+    rules = [(claim.name, claim.rule, claim.verdict.value) for claim in study.claims]
+    yield Fold("The rules behind the verdicts", (table((words("claim"), words("rule"), words("verdict")), rules),))
+    if study.unreached:
+        unreached = [(each.where, each.printed, sentence(each.why)) for each in study.unreached]
+        columns = (words("where"), words("printed"), words("why it has no row"))
+        yield Fold("Numbers of the paper that no solver can reach, and why", (table(columns, unreached),))
+
+
+def _claim(claim: Claim, names: Sequence[str], anchor: str) -> Iterator[Row]:
+    uncertainty = None if claim.ours is None else claim.ours.uncertainty
+    verdict = _verdict(claim)
+    yield row(
+        claim.where,
+        Cell(claim.name, detail=claim.quantity),
+        claim.where,
+        claim.printed,
+        verdict,
+        _value(claim.ours),
+        _value(claim.ours, 6),
+        "" if uncertainty is None else format_number(uncertainty),
+        *(_engine_value(claim, name) for name in names),
+        _agreeing(claim),
+        verdict,
+        anchor=anchor,
+    )
+    if claim.why:
+        yield row(Cell(""), Cell(sentence(claim.why), "muted"), medium="page")
+
+
+def _verdict(claim: Claim) -> Cell:
+    return Cell(_SHORT[claim.verdict], _MARKS[claim.verdict], hint=claim.rule)
+
+
+def _agreeing(claim: Claim) -> str:
+    """How many of the engines with a tolerance behind their value agree with ours."""
+    judged = [found for each in claim.engines if (found := each.agrees(claim.ours)) is not None]
+    return f"{sum(judged)} of {len(judged)}" if judged else ""
+
+
+def _engine_value(claim: Claim, engine: str) -> Cell:
+    found = next((each for each in claim.engines if each.engine == engine), None)
+    if found is None:
+        return Cell("")
+    if found.value is None:
+        return Cell("–", hint=found.note or "")
+    agrees = found.agrees(claim.ours)
+    mark: Mark = "plain" if agrees is None else "good" if agrees else "bad"
+    tolerance = found.tolerance
+    hint = "it has no tolerance" if tolerance is None else f"allowed: {format_number(tolerance)} from ours"
+    return Cell(f"{found.value:.9g}", mark, hint=hint)
+
+
+def _figures(study: Study) -> Iterator[Block]:
+    yield Heading("Figures", 2, "figures")
+    yield Note("Lines: the reference. Symbols: samples of the engines. Red: the paper's own numbers.")
+    for name, caption, plot in plots(study.series):
+        yield Figure(plot, name, caption)
+
+
+def _tables(study: Study) -> Iterator[Block]:
+    """Table I with the start, and the claims on Table II."""
+    yield Heading("Tables", 2, "tables")
+    found = next((p for machine in study.machines if (p := parameters_of(machine)) is not None), None)
+    if found is not None:
+        fields = TrebuchetParameters.model_fields
+        constants = [(name, f"{value:.9g}", fields[name].description or "") for name, value in found]
+        yield Heading("Table I")
+        yield Note("With the start angles, which the paper does not print.")
+        yield page_only(table(("constant", "value", words("what")), constants))
+    rows = [
+        (claim.name, claim.printed, _value(claim.ours), claim.quantity, _verdict(claim))
+        for claim in study.claims
+        if claim.where == "Table II"
+    ]
+    if rows:
+        yield Heading("Table II")
+        columns = (words("row"), words("printed"), "ours", words("quantity"), words("verdict", wrap=False))
+        yield page_only(table(columns, rows))
+
+
+def _provenance(study: Study) -> Iterator[Block]:
+    versions = ", ".join(f"{name} {version}" for name, version in study.versions.items())
+    yield Heading("Provenance", 2)
+    yield Note(f"Made {study.made} in {study.seconds:.0f} s; {versions}.")
+    for machine in study.machines:
+        yield mechanism_as_data(machine.name, machine)

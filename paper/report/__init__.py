@@ -1,1 +1,0 @@
-"""How the study is shown: page, pictures, terminal."""
