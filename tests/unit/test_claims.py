@@ -11,9 +11,9 @@ import jsonschema
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.models.spec import schema_text
 from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.report.numbers import sentence
+from trebucheck.models.spec import schema_text
 from trebucheck.paper import report as shown
 from trebucheck.paper.apart import begun
 from trebucheck.paper.claims import UNREACHED, order
