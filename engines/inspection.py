@@ -48,16 +48,6 @@ class Dynamics:
 
 
 @dataclass(frozen=True)
-class Differences:
-    """How accelerations and torques were taken where the engine tells neither."""
-
-    step: float
-    """[s]"""
-    order: int
-    """Their error falls with this power of the step."""
-
-
-@dataclass(frozen=True)
 class Inspection:
     """What an engine's built model says of itself."""
 
@@ -69,8 +59,6 @@ class Inspection:
     """One a state asked for, in the same order."""
     total_mass: float | None = None
     """[kg]; None where the engine's bodies carry other masses by construction."""
-    differences: Differences | None = None
-    """None: accelerations and torques are solutions of the engine's own equations at the state itself."""
 
 
 @runtime_checkable

@@ -25,6 +25,7 @@ from ..models.errors import (
 from ..models.problem import Problem, StopLaw
 from ..models.trajectory import PointMotion, Provenance, Trajectory
 from .options import EngineOptions
+from .study import EngineStudy
 
 _MOST_STEPS = 20_000_000
 _ABSENT = "not installed"
@@ -144,6 +145,11 @@ class BuiltinEngine(EngineOptions, ABC):
     def presets(cls) -> dict[str, Callable[..., Self]]:
         """Makers of this engine by preset name."""
         return {"stock": cls.stock, "tuned": cls.tuned}
+
+    @classmethod
+    def study(cls) -> EngineStudy:
+        """What studies know of this engine; the default is what they know of any."""
+        return EngineStudy()
 
     @classmethod
     def is_installed(cls) -> bool:

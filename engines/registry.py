@@ -20,6 +20,7 @@ from ..models.spec import Spec
 from ..models.trajectory import Trajectory
 from .inspection import Inspectable, Inspection, State
 from .protocol import Capabilities, Engine, Simulator
+from .study import EngineStudy
 
 PLUGIN_GROUP = "trebucheck.engines"
 """Entry-point group in which another package announces an engine class."""
@@ -75,6 +76,15 @@ def engine_class(name: str) -> EngineClass:
     close = get_close_matches(name, known, n=1)
     hint = f" (did you mean {close[0]!r}?)" if close else ""
     raise InputError(f"there is no engine {name!r}{hint}; there are: {', '.join(known)}.")
+
+
+def engine_study(name: str) -> EngineStudy:
+    """What studies know of an engine; the default where its class has no method `study`, or is not known here."""
+    try:
+        study = getattr(engine_class(name), "study", EngineStudy)
+    except InputError:
+        return EngineStudy()
+    return cast("EngineStudy", study())
 
 
 @dataclass(frozen=True)

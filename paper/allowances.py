@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from ..comparisons.runs.tolerances import Bar, bar_for
+from ..comparisons.runs.tolerances import AppliedTolerance, is_table_one, tolerance_for
 from ..engines.protocol import Engine
 from ..models.arrays import FloatArray
 from ..models.machines.parameters import TrebuchetParameters
@@ -63,11 +63,11 @@ def _moved(mechanism: Mechanism, until: float) -> tuple[Readings, FloatArray]:
 
 def allowances(engine: Engine, mechanism: Mechanism, ours: Readings, amplified: Amplification) -> Readings:
     """The tolerance of each quantity of an engine's tuned preset; those without one behind them are left out."""
-    position = _bar(engine, "position_max", mechanism, PROJECTILE)
+    position = _applied(engine, "position_max", mechanism, PROJECTILE)
     found: Readings = {}
     if position is not None:
-        found = {quantity: position[1] * ratio for quantity, ratio in amplified.items() if quantity.follows_position}
-        found[BEND] = position[1] / _shortest(mechanism)
+        found = {quantity: position.value * ratio for quantity, ratio in amplified.items() if quantity.follows_position}
+        found[BEND] = position.value / _shortest(mechanism)
     for quantity in ours:
         direct = _direct(engine, mechanism, quantity, ours)
         if direct is not None:
@@ -83,20 +83,16 @@ def _shortest(mechanism: Mechanism) -> float:
 
 def _direct(engine: Engine, mechanism: Mechanism, quantity: ThrowQuantity, ours: Readings) -> float | None:
     """From a tolerance of just this quantity."""
-    found = None if quantity.metric is None else _bar(engine, quantity.metric, mechanism)
+    found = None if quantity.metric is None else _applied(engine, quantity.metric, mechanism)
     if found is None:
         return None
-    bar, value = found
     if quantity.metric == "energy_drift":
-        return value if quantity.unit != "J" else value * abs(ours.get(TOTAL_ENERGY, math.nan))
+        return found.value if quantity.unit != "J" else found.value * abs(ours.get(TOTAL_ENERGY, math.nan))
     # 'per peak' is met at the start here: a closed stop's torque is largest there, or larger later.
-    return value * (abs(ours[quantity]) if bar.per else 1.0)
+    return found.value * (abs(ours[quantity]) if found.stated.per else 1.0)
 
 
-def _bar(engine: Engine, metric: str, mechanism: Mechanism, subject: str | None = None) -> tuple[Bar, float] | None:
-    """The bar of the tuned preset stated for the longest step not above the engine's own, and its value there."""
-    step = engine.timestep
-    best = None if step is None else bar_for(engine.name, "tuned", metric, subject, mechanism, step)
-    if best is None or step is None:
-        return None
-    return best, best.value * max(1.0, step / best.timestep) ** best.order
+def _applied(engine: Engine, metric: str, mechanism: Mechanism, subject: str | None = None) -> AppliedTolerance | None:
+    """The tolerance of the tuned preset at the engine's own step."""
+    table_one = is_table_one(mechanism)
+    return tolerance_for(engine.name, "tuned", metric, subject, mechanism, engine.timestep, table_one=table_one)

@@ -9,7 +9,7 @@ from typing import Any
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from ..comparisons.report.plots import ENGINE_COLOURS, PLUG_IN_COLOURS, finish
+from ..comparisons.report.plots import engine_colour, finish
 from .results import Series
 
 _PRINTED, _GRID, _OTHER = "#c0392b", "#9467bd", "#b08d57"
@@ -80,9 +80,9 @@ def _style(series: Series) -> dict[str, Any]:
             else {"mode": "markers", "marker": mark}
         )
     if series.kind == "points":
-        colour = ENGINE_COLOURS.get(series.engine, PLUG_IN_COLOURS[-1]) if series.engine else _GRID
+        colour = engine_colour(series.engine) if series.engine else _GRID
         number = sum(map(ord, series.name)) % len(_SYMBOLS)
         return {"mode": "markers", "marker": {"color": colour, "symbol": _SYMBOLS[number], "size": 9}}
     if series.name == "reference" or series.name.startswith("rests that can"):
-        return {"mode": "lines", "line": {"color": ENGINE_COLOURS["reference"], "width": 2.5}}
+        return {"mode": "lines", "line": {"color": engine_colour("reference"), "width": 2.5}}
     return {"mode": "lines", "line": {"color": _OTHER, "width": 1.5, "dash": "dot"}}

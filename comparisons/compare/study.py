@@ -12,8 +12,6 @@ import numpy as np
 
 from ...engines.protocol import Engine
 from ...engines.registry import engine_class
-from ...models.errors import InputError
-from ...models.machines.registry import model
 from ...models.mechanism import Mechanism
 from ...models.problem import StopLaw
 from ...models.spec import Spec
@@ -29,7 +27,7 @@ from ..runs.results import Diagnosis, Equality, Machine, Outcome, Pair, Results,
 from ..runs.runner import Runner, failure
 from ..runs.store import Store, code_digest, digest
 from ..runs.study import PRESETS, Study
-from ..runs.tolerances import judge
+from ..runs.tolerances import is_table_one, judge
 from ..runs.worker import Worker
 
 _K = TypeVar("_K")
@@ -320,7 +318,7 @@ def _machine_row(runner: Runner) -> Machine:
         model=mechanism.name,
         mechanism=mechanism,
         mechanism_hash=mechanism.content_hash,
-        table_one=_is_table_one(mechanism),
+        table_one=is_table_one(mechanism),
         compared_to=end,
         launch_time=launch.time if launch else None,
         launch_speed=launch.speed if launch else None,
@@ -330,13 +328,6 @@ def _machine_row(runner: Runner) -> Machine:
         release_times=dict(solution.release_times),
         start_torques={name: float(torque[0]) for name, torque in solution.motion(np.zeros(1)).stop_torques.items()},
     )
-
-
-def _is_table_one(mechanism: Mechanism) -> bool:
-    try:
-        return model(mechanism.name).content_hash == mechanism.content_hash
-    except InputError:
-        return False
 
 
 def _unequal(equality: Equality) -> str:

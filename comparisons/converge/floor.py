@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...engines.registry import engine
+from ...engines.registry import engine, engine_study
+from ...engines.study import ConstraintKinds, Options, Refinement
 from ...models.errors import InputError
 from ...reference.certification.certificate import REFUSED_BELOW
 from ..report.numbers import format_number
 from .results import Floor
-
-Settings = Mapping[str, Any]
-Change = Callable[[Settings], dict[str, Any] | None]
 
 MOVED = 0.8
 """A notch that leaves less than this of an error has moved it: the smallest notch, a halving at first order, leaves
@@ -24,76 +22,24 @@ GROWN = 1.5
 """An error this many times the floor, at a finer value, is one that grows."""
 
 
-@dataclass(frozen=True)
-class Notch:
-    """One knob turned a little further, or set as the tuned preset has it."""
-
-    cause: str
-    words: str
-    change: Change
-    """The changed options; None where there is nothing to turn."""
-
-
-def _softer(settings: Settings) -> dict[str, Any] | None:
-    """Half the time constant of the limits."""
-    if "solref" not in settings:
-        return None
-    h, solref = float(settings["timestep"]), settings["solref"]
-    stiffness, damping = solref or (-1.0 / h**2, -2.0 / h)
-    if stiffness < 0:
-        return {"solref": (4.0 * stiffness, 2.0 * damping)}
-    # MuJoCo does not go below two steps with the positive form.
-    return {"solref": (stiffness / 2, damping)} if stiffness >= 4 * h else None
-
-
-def _stiffer_impedance(settings: Settings) -> dict[str, Any] | None:
-    solimp = settings.get("solimp")
-    if solimp is None or min(1 - solimp[0], 1 - solimp[1]) < 2e-4:  # MuJoCo's own bound is 1e-4
-        return None
-    return {"solimp": ((1 + solimp[0]) / 2, (1 + solimp[1]) / 2, *solimp[2:])}
-
-
-def _times(option: str, factor: float) -> Change:
-    def change(settings: Settings) -> dict[str, Any] | None:
-        value = settings.get(option)
-        return None if not value else {option: type(value)(value * factor)}
-
-    return change
-
-
-NOTCHES: tuple[Notch, ...] = (
-    Notch("time step", "half the time step", _times("timestep", 0.5)),
-    Notch("softness of the limits", "half the limits' time constant", _softer),
-    Notch("softness of the limits", "half the limits' 1 - d", _stiffer_impedance),
-    Notch("solver's tolerance", "a hundredth of the tolerance", _times("tolerance", 0.01)),
-    Notch("solver's iterations", "four times the iterations", _times("iterations", 4)),
-    Notch("first step's iterations", "four times the first step's iterations", _times("start_iterations", 4)),
-    Notch("mass of the pinned body", "ten times the pivot mass", _times("pivot_mass", 10.0)),
-    Notch("Newton's tolerance", "a hundredth of Newton's relative tolerance", _times("newton_relative", 0.01)),
-    Notch("Newton's tolerance", "a hundredth of Newton's absolute tolerance", _times("newton_absolute", 0.01)),
-    Notch("softness of the stops", "twice the stops' stiffness", _times("stop_stiffness", 2.0)),
-)
-
-
-def notches(name: str, settings: Settings, turned: Sequence[str]) -> Iterator[tuple[Notch, dict[str, Any]]]:
-    """Every notch there is at an engine's settings, and every option the tuned preset has otherwise, one at a time.
+def refinements(
+    name: str, settings: Options, swept: Sequence[str], constraints: ConstraintKinds
+) -> Iterator[tuple[Refinement, dict[str, Any]]]:
+    """Every refinement at an engine's settings, and every option the tuned preset has otherwise, one at a time.
 
     Args:
         name: of the engine.
-        turned: options of the study's own knob, which are left alone.
+        settings: of the engine.
+        swept: options of the swept parameter, which are left alone.
+        constraints: what those of the mechanism hold.
     """
-    own = {"timestep"} if not settings else set(settings)
-    for notch in NOTCHES:
-        change = notch.change(settings)
-        if change and not set(change) & set(turned) and set(change) <= own:
-            yield notch, change
-    for option, value in _tuned(name).items():
-        if option in settings and settings[option] != value and option not in (*turned, "timestep"):
-            yield Notch(f"option {option}", f"{option} as tuned", lambda _: None), {option: value}
-
-
-def _tuned(name: str) -> dict[str, Any]:
-    return engine(name, "tuned").settings
+    for refinement in engine_study(name).refinements:
+        change = refinement.change(settings, constraints)
+        if change and not set(change) & set(swept) and set(change) <= set(settings):
+            yield refinement, change
+    for option, value in engine(name, "tuned").settings.items():
+        if option in settings and settings[option] != value and option not in (*swept, "timestep"):
+            yield Refinement(f"option {option}", f"{option} as tuned", lambda *_: None), {option: value}
 
 
 @dataclass(frozen=True)
@@ -101,12 +47,14 @@ class Site:
     """Where a floor is looked into."""
 
     engine: str
-    settings: Settings
+    settings: Options
     turned: Sequence[str]
     error: float
     value: float | None
     measure: Callable[[dict[str, Any]], float | None]
     """The error with some options changed; None if the run fails."""
+    constraints: ConstraintKinds
+    """What those of the mechanism hold."""
 
 
 def floor(site: Site, uncertainty: float, finer: Sequence[tuple[float, float]] = ()) -> Floor:
@@ -134,16 +82,16 @@ def floor(site: Site, uncertainty: float, finer: Sequence[tuple[float, float]] =
 
 
 def _moved_most(site: Site) -> tuple[str, str]:
-    left: list[tuple[float, Notch]] = []
-    for notch, change in notches(site.engine, site.settings, site.turned):
+    left: list[tuple[float, Refinement]] = []
+    for refinement, change in refinements(site.engine, site.settings, site.turned, site.constraints):
         try:
             error = site.measure(change)
         except InputError:
-            continue  # a notch beyond what the engine takes
+            continue  # finer than the engine takes
         if error is not None:
-            left.append((error / site.error, notch))
-    moved = sorted(((share, notch) for share, notch in left if share <= MOVED), key=lambda found: found[0])
+            left.append((error / site.error, refinement))
+    moved = sorted(((share, refinement) for share, refinement in left if share <= MOVED), key=lambda found: found[0])
     if not moved:
         return "not found", f"none of {len(left)} other knobs, turned one notch, lowers it by a fifth"
-    told = "; ".join(f"{notch.words} leaves {share:.2g}" for share, notch in moved[:_TOLD])
+    told = "; ".join(f"{refinement.description} leaves {share:.2g}" for share, refinement in moved[:_TOLD])
     return moved[0][1].cause, told

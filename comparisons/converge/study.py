@@ -10,6 +10,7 @@ import numpy as np
 
 from ...engines.protocol import Engine
 from ...engines.registry import engine, engine_class
+from ...engines.study import ConstraintKinds, SweptParameter
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
 from ...reference.certification.certificate import Uncertainties, reference_uncertainty
@@ -18,7 +19,7 @@ from ..runs.study import Counter, Study
 from ..runs.trials import Trial, Trials
 from .fit import power_law
 from .floor import Site, floor
-from .parameters import Knob, knobs
+from .parameters import swept_parameters
 from .results import Curve, Floor, Limit, LimitPair, MachineStudies, Point, PowerLaw, QuantityName, Studies
 from .results import Study as ParameterStudy
 from .richardson import Extrapolated, Level, largest, limit
@@ -47,12 +48,12 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
     return Studies.made_here(machines=tuple(machines))
 
 
-_Plan = list[tuple[str, Knob]]
+_Plan = list[tuple[str, SweptParameter]]
 
 
 def _plan(names: Sequence[str], chosen: Sequence[str] | None) -> tuple[list[str], _Plan]:
     """Engines that are not installed, and every parameter to be swept of those that are."""
-    every = [(name, knob) for name in names for knob in knobs(name, list(chosen) if chosen else None)]
+    every = [(name, knob) for name in names for knob in swept_parameters(name, list(chosen) if chosen else None)]
     if not every:
         raise InputError(f"none of the engines {', '.join(names)} has any of the knobs {', '.join(chosen or ())}.")
     absent = [name for name in names if not engine_class(name).is_installed()]
@@ -89,7 +90,7 @@ class _Sweep:
     """One parameter of an engine, taken through its values on one machine."""
 
     def __init__(
-        self, trials: Trials, uncertainty: dict[QuantityName, float], name: str, knob: Knob, count: Counter
+        self, trials: Trials, uncertainty: dict[QuantityName, float], name: str, knob: SweptParameter, count: Counter
     ) -> None:
         self.machine, self.uncertainty, self.name, self.knob = trials, uncertainty, name, knob
         self.of_step = "timestep" in knob.options(knob.values[0])
@@ -176,8 +177,8 @@ class _Sweep:
             return _whole(self.trial({**options, **change}, 1), quantity)
 
         value, error = at
-        swept = tuple(self.knob.options(self.knob.values[0]))
-        site = Site(self.name, self.engine(options).settings, swept, error, value, measure)
+        swept, constraints = tuple(self.knob.options(self.knob.values[0])), ConstraintKinds.of(self.trials.mechanism)
+        site = Site(self.name, self.engine(options).settings, swept, error, value, measure, constraints)
         return floor(site, self.uncertainty[quantity], finer)
 
     def limit(self) -> Extrapolated | None:
@@ -216,7 +217,9 @@ def _whole(trial: Trial, quantity: QuantityName) -> float | None:
     return trial.position if quantity == "position" else trial.torque
 
 
-def _point(value: float, knob: Knob, trial: Trial | None, message: str | None, without: Trial | None) -> Point:
+def _point(
+    value: float, knob: SweptParameter, trial: Trial | None, message: str | None, without: Trial | None
+) -> Point:
     options: dict[str, Any] = dict(knob.options(value))
     if trial is None or trial.deviation is None:
         return Point(value=value, options=options, message=message)

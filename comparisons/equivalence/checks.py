@@ -1,9 +1,8 @@
 """Tier 0, before any motion: is the model that an engine has built the same machine?
 
 The built model is looked at in random states under every set of closed stops (:mod:`.random_states`) and set beside the
-reference's equations. Exposed quantities must agree to `EXACT`; where an engine shows its accelerations and forces
-only by a step it takes, their tolerance is the truncation and the rounding of that difference. A run whose gate
-fails is not compared: the motion of another machine says nothing about the engine.
+reference's equations. What an engine exposes must agree to `EXACT`. A run whose gate fails is not compared: the
+motion of another machine says nothing about the engine.
 """
 
 from __future__ import annotations
@@ -20,17 +19,12 @@ from ...models.arrays import FloatArray
 from ...models.errors import EngineNotInstalledError, SimulationError, UnsupportedProblemError
 from ...models.mechanism import Mechanism
 from ...reference.equations import Equations
-from ...reference.solver import characteristic_time
 from ..runs.results import Check, Equality
 from .random_states import random_states
 
 EXACT = 1e-10
 """Of a quantity's size: four digits above rounding, and six below the smallest fault anyone would build in."""
 
-_COEFFICIENT = (
-    100.0  # stands for the coefficient of a difference's truncation, and for how a machine amplifies rounding
-)
-_EPS = float(np.finfo(np.float64).eps)
 _EXACT_REASON = "the engine's own quantities, to rounding"
 
 
@@ -143,11 +137,10 @@ def _checks(mechanism: Mechanism, states: Sequence[State], found: Inspection) ->
     want = expected(mechanism, states)
     yield from _whole(mechanism, found)
     yield from _exact(mechanism, want, found.dynamics)
-    tolerance, reason = _difference_tolerance(mechanism, states, found)
     scale = _scale_of(want.accelerations)
     mine = np.array([d.accelerations for d in found.dynamics])
-    yield _by_name("acceleration", mechanism.coordinates, np.abs(mine - want.accelerations), scale, tolerance, reason)
-    yield from _torques(want, found.dynamics, tolerance, reason)
+    yield _by_name("acceleration", mechanism.coordinates, np.abs(mine - want.accelerations), scale)
+    yield from _torques(want, found.dynamics)
     misplaced = stops_misplaced(want, found.dynamics)
     if misplaced:
         worst = max(misplaced, key=lambda name: abs(misplaced[name]))
@@ -201,7 +194,7 @@ def _exact(mechanism: Mechanism, want: Expected, dynamics: Sequence[Dynamics]) -
         yield _by_name("force", names, np.abs(np.array(forces) - want.forces), _scale_of(want.forces))
 
 
-def _torques(want: Expected, dynamics: Sequence[Dynamics], tolerance: float, reason: str) -> Iterator[Check]:
+def _torques(want: Expected, dynamics: Sequence[Dynamics]) -> Iterator[Check]:
     names = dict.fromkeys(name for torques in want.torques for name in torques)
     for name in names:
         pairs = [(d.stop_torques.get(name), t[name]) for d, t in zip(dynamics, want.torques, strict=True) if name in t]
@@ -213,25 +206,9 @@ def _torques(want: Expected, dynamics: Sequence[Dynamics], tolerance: float, rea
             subject=name,
             value=None if missing else worst,
             unit="1",
-            tolerance=tolerance,
-            reason=reason,
+            tolerance=EXACT,
+            reason=_EXACT_REASON,
         )
-
-
-def _difference_tolerance(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> tuple[float, str]:
-    """Tolerance of accelerations and torques, relative, and why.
-
-    A difference over a step h of a motion with rates w has a truncation of (h w)^p; a length's rounding of eps L
-    enters accelerations of size g as eps L / (g h^2).
-    """
-    if found.differences is None:
-        return EXACT, _EXACT_REASON
-    step, order = found.differences.step, found.differences.order
-    time = characteristic_time(mechanism)
-    rate = max(float(np.abs(state.u).max()) for state in states) + 1.0 / time
-    rounding = _EPS * (time / step) ** 2
-    tolerance = max(EXACT, _COEFFICIENT * ((step * rate) ** order + rounding))
-    return tolerance, f"differences over {step:g} s of order {order}: their truncation and rounding"
 
 
 def _exactly(name: str, subject: str | None, value: float) -> Check:
@@ -243,8 +220,6 @@ def _by_name(
     subjects: Sequence[str],
     apart: FloatArray,
     scale: FloatArray,
-    tolerance: float = EXACT,
-    reason: str = _EXACT_REASON,
 ) -> Check:
     """The worst of all states and subjects; `apart` has shape (n_states, n_subjects), `scale` (n_subjects,)."""
     relative = apart.max(axis=0) / np.where(scale > 0, scale, 1.0)
@@ -255,6 +230,6 @@ def _by_name(
         subject=subjects[worst],
         value=value if np.isfinite(value) else None,
         unit="1",
-        tolerance=tolerance,
-        reason=reason,
+        tolerance=EXACT,
+        reason=_EXACT_REASON,
     )

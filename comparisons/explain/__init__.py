@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
-from .causes import Cause, Intervention, causes_of
+from ...engines.study import Cause, Intervention
+from .causes import causes_of
 
 __all__ = ["Cause", "Intervention", "causes_of"]

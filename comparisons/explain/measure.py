@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from ...engines.protocol import Engine
+from ...engines.study import Cause, Intervention
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
 from ..runs.deviation import Deviation
 from ..runs.trials import Trial, Trials
-from .causes import Cause, Intervention, causes_of, described
+from .causes import causes_of, described
 from .results import Budget, Measurement, Quantity
 from .shares import Measured, Observed, noise_between, observed, orders, split
 from .variants import LAST_BITS, varied

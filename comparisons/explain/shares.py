@@ -22,9 +22,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...engines.study import Cause
 from ...models.arrays import FloatArray
 from ..runs.deviation import Deviation
-from .causes import Cause
 from .results import Quantity, Share
 
 

@@ -10,13 +10,13 @@ from pydantic import JsonValue
 
 from ...engines.protocol import Capabilities, Engine
 from ...engines.registry import with_options
+from ...engines.study import Intervention
 from ...models.arrays import FloatArray
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ...models.trajectory import PointMotion, Trajectory
 from ..runs.trials import Trial, Trials
-from .causes import Intervention
 
 LAST_BITS = 1e-15
 """Relative change of gravity, a few units in its last place: what it does to a run is roundoff."""

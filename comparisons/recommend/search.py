@@ -13,8 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
+from ...engines.registry import engine
+from ...engines.study import OptionSet
 from ..runs.trials import Trial, Trials
-from .candidates import OptionSet
 from .results import Errors
 from .target import Asked, errors_of, largest_torque, unit_of
 
@@ -161,7 +162,9 @@ class Follower:
         return panel
 
     def _trial(self, place: int, options: OptionSet, step: float, repeats: int = 1) -> Trial:
-        return self.places[place].trials.trial(options.engine(self.engine, step), repeats)
+        return self.places[place].trials.trial(
+            engine(self.engine, options.preset, **options.all_options(step)), repeats
+        )
 
     def _walk(self, course: Course, panel: list[int]) -> None:
         start = self._guess(course, panel)

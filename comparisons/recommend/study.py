@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import islice
 
 from ...engines.registry import engine_class
+from ...engines.study import OptionSet
 from ...models.errors import InputError, TrebucheckError
 from ...models.machines.registry import parameters_type
 from ...models.mechanism import Mechanism
@@ -16,7 +17,7 @@ from ...reference.solver import characteristic_time
 from ..runs.study import Counter, Study
 from ..runs.trials import Trial, Trials
 from . import neighbours as around
-from .candidates import OptionSet, ladder, option_sets
+from .candidates import ladder, option_sets
 from .obstacles import explain
 from .results import Advice, Attempt, Choice, EngineAdvice, Errors, NeighbourMachine
 from .search import HARDEST, Course, Follower, Place, Rung
@@ -135,7 +136,7 @@ def _attempt(course: Course) -> Attempt:
     reached, best = course.reached, course.best
     return Attempt(
         options=course.options.name,
-        words=course.options.words,
+        words=course.options.description,
         step=reached.step if reached else None,
         wall_time=reached.trials[0].wall_times[0] if reached else None,
         steps_tried=tuple(sorted(course.rungs, reverse=True)),
@@ -150,7 +151,7 @@ def _choice(places: tuple[Place, ...], course: Course, rung: Rung, repeated: Tri
     options = course.options.all_options(rung.step)
     return Choice(
         options=course.options.name,
-        words=course.options.words,
+        words=course.options.description,
         preset=course.options.preset,
         changes={key: list(value) if isinstance(value, tuple) else value for key, value in options.items()},
         settings=repeated.settings,

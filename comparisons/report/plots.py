@@ -7,22 +7,26 @@ from typing import Any
 
 import plotly.graph_objects as go
 
+from ...engines.registry import engine_study
 from ...models.arrays import FloatArray
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 
-ENGINE_COLOURS = {"reference": "#444444", "mujoco": "#1f77b4", "pymunk": "#d9730d", "exudyn": "#2a9d5c"}
-"""The same on every page."""
-PLUG_IN_COLOURS = ("#9467bd", "#8c564b", "#e377c2", "#17becf")
-"""Of engines that are not among them."""
-REFERENCE_LINE = {"color": ENGINE_COLOURS["reference"], "width": 4}
+_COLOURS = ("#9467bd", "#8c564b", "#e377c2", "#17becf")  # of engines that bring none
+
+
+def engine_colour(name: str) -> str:
+    """The engine's own colour, the same on every page; of one that brings none, a colour that follows from its name."""
+    return engine_study(name).colour or _COLOURS[sum(map(ord, name)) % len(_COLOURS)]
+
+
+REFERENCE_LINE = {"color": engine_colour("reference"), "width": 4}
 """Below the lines of the engines, which hide it where they agree."""
 
 
 def run_style(engine: str, preset: str) -> dict[str, Any]:
     """Colour by engine, dashes by preset."""
-    other = PLUG_IN_COLOURS[sum(map(ord, engine)) % len(PLUG_IN_COLOURS)]
-    return {"color": ENGINE_COLOURS.get(engine, other), "dash": "solid" if preset == "tuned" else "dot", "width": 1.6}
+    return {"color": engine_colour(engine), "dash": "solid" if preset == "tuned" else "dot", "width": 1.6}
 
 
 def embedded(plot: go.Figure) -> str:

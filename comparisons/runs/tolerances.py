@@ -1,17 +1,21 @@
-"""What agreement is asked of each engine, and why just that much.
+"""What agreement is asked of an engine on a mechanism, and why just that much.
 
-A bar is a stated need at a stated step. At a longer step it grows with the engine's order of convergence; at a
-shorter one it stays (a need does not sharpen because somebody computes more). Table I is what the needs were stated
-for; on any other machine, whose speeds and forces are others, ten times as much is allowed. They hold up to the
-launch: after it trajectories part exponentially, whatever moves them, and only the energy is still judged, as long as
-no impact takes some of it. A tolerance finer than ten times the reference's own uncertainty is refused: what it would
-judge is the reference.
+A tolerance is a stated need at a stated step; each engine states its own (`engines/<name>/study.py`). At a longer step
+it grows with the engine's order of convergence; at a shorter one it stays (a need does not sharpen because somebody
+computes more). Table I is what the needs were stated for; on any other machine, whose speeds and forces are others,
+ten times as much is allowed. They hold up to the launch: after it trajectories diverge exponentially, whatever moves
+them, and only the energy is still judged, as long as no impact takes some of it. A tolerance finer than ten times the
+reference's own uncertainty is refused: what it would judge is the reference.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ...engines.registry import engine_study
+from ...engines.study import Tolerance
+from ...models.errors import InputError
+from ...models.machines.registry import model
 from ...models.mechanism import Mechanism
 from ...reference.certification.certificate import refusal
 from .results import Machine, Metric, Run
@@ -21,83 +25,60 @@ _AT_OR_BEFORE_LAUNCH = ("release_time", "launch_time", "launch_speed")
 
 
 @dataclass(frozen=True)
-class Bar:
-    """One stated need."""
+class AppliedTolerance:
+    """A stated tolerance at an engine's step on a mechanism."""
 
-    engine: str
-    preset: str
-    metric: str
+    stated: Tolerance
     value: float
-    timestep: float
-    """Step the value is stated for [s]."""
-    order: int
-    """Order in the step with which the value grows."""
-    per: str = ""
-    """'' for the metric's own unit, 'start' or 'peak' for a multiple of the stop's torque at the start, or at most."""
-    subject: str | None = None
-    """None: any."""
-    model: str | None = None
-    """None: any."""
-    on_points: bool | None = None
-    """Whether it is for stops on points (True), on angles (False), or any (None)."""
-    reason: str = ""
-    """Why just that much, where it is not the engine's general need."""
-
-    def fits(self, engine: str, preset: str, metric: str, subject: str | None, mechanism: Mechanism) -> bool:
-        """Whether it is about this figure."""
-        points = {stop.name for stop in mechanism.point_stops}
-        return (
-            (self.engine, self.preset, self.metric) == (engine, preset, metric)
-            and self.subject in (None, subject)
-            and self.model in (None, mechanism.name)
-            and self.on_points in (None, subject in points)
-        )
+    """In the metric's unit, or in multiples of the stop's torque where it is stated `per` one."""
+    reason: str
 
 
-_NEED = {
-    "mujoco": "second order once releases are located, softness scaled with the step",
-    "pymunk": "second order: leapfrog read at its own times",
-    "exudyn": "second order: trapezoidal rule, index 2",
-    "reference": "certified integrator, tolerance 3e-14 per step",
-}
-_STOCK = {
-    "mujoco": "default soft limits: millimetres, whatever the step",
-    "pymunk": "first order: positions and speeds half a step apart, joints drift by error_bias",
-    "exudyn": "index-3 multipliers are noisy, so a rest may let go early",
-    "reference": "tolerances of 1e-9 per step",
-}
+def tolerance_for(
+    engine: str,
+    preset: str,
+    metric: str,
+    subject: str | None,
+    mechanism: Mechanism,
+    step: float | None,
+    *,
+    table_one: bool,
+) -> AppliedTolerance | None:
+    """The tolerance of a metric; None where none is stated, or the engine has no step.
 
-# The reference is what the others are measured against, so only an invariant can judge it here; its figures are
-# held to independent ones in tests/verification.
-BARS: tuple[Bar, ...] = (
-    Bar("reference", "tuned", "energy_drift", 1e-12, 1.0, 0),
-    Bar("mujoco", "tuned", "position_max", 1e-7, 1e-3, 2, subject="projectile"),
-    Bar("mujoco", "tuned", "release_time", 1e-8, 1e-3, 2, on_points=False),
-    Bar(
-        "mujoco",
-        "tuned",
-        "release_time",
-        1e-7,
-        1e-3,
-        1,
-        on_points=True,
-        reason="(1 - impedance) x step: a contact's softness lags a changing force by up to a step",
-    ),
-    Bar("mujoco", "tuned", "launch_speed", 3e-7, 1e-3, 2),
-    Bar("mujoco", "tuned", "stop_torque_max", 1e-6, 1e-3, 2, per="start"),
-    Bar("mujoco", "tuned", "energy_drift", 1e-9, 1e-3, 2),
-    Bar("pymunk", "tuned", "position_max", 2e-3, 1e-3, 2, subject="projectile", model="fixed"),
-    Bar("pymunk", "tuned", "position_max", 3e-3, 1e-3, 2, subject="projectile"),
-    Bar("pymunk", "tuned", "position_max", 2.5e-5, 1e-4, 2, subject="projectile"),
-    Bar("pymunk", "tuned", "stop_torque_max", 1e-4, 1e-3, 2, per="peak"),
-    Bar("pymunk", "tuned", "release_time", 1e-5, 1e-3, 2),
-    Bar("exudyn", "tuned", "position_max", 1e-5, 1e-4, 2, subject="projectile"),
-    Bar("exudyn", "tuned", "stop_torque_max", 2e-3, 1e-4, 2),
-    Bar("exudyn", "tuned", "release_time", 1e-7, 1e-4, 2),
-    Bar("exudyn", "tuned", "energy_drift", 1e-6, 1e-4, 2),
-    Bar("mujoco", "stock", "position_max", 1e-2, 1e-3, 2, subject="projectile"),
-    Bar("pymunk", "stock", "position_max", 5e-1, 1e-3, 1, subject="projectile"),
-)
+    That stated for the longest step not above the engine's own counts; that for the shortest one if all are above.
+
+    Args:
+        engine: its name.
+        preset: of the engine.
+        metric: its name.
+        subject: marker, stop or joint that the metric is about; None: none.
+        mechanism: that the engine moves.
+        step: of the engine [s].
+        table_one: whether the mechanism is one of Table I (:func:`is_table_one`).
+    """
+    fitting = [each for each in engine_study(engine).tolerances if each.fits(preset, metric, subject, mechanism)]
+    if not fitting or step is None:
+        return None
+    shortest = min(each.timestep for each in fitting)
+    at = max((each.timestep for each in fitting if each.timestep <= step * (1 + 1e-9)), default=shortest)
+    stated = min((each for each in fitting if each.timestep == at), key=lambda each: each.value)
+    growth = max(1.0, step / stated.timestep) ** stated.order
+    allowance = 1.0 if table_one else _OTHER_MACHINES
+    reason = f"{stated.value:g}{f' of the {stated.per} value' if stated.per else ''} stated at {stated.timestep:g} s"
+    if growth > 1:
+        reason += f", grown with order {stated.order} to {step:g} s"
+    if allowance > 1:
+        reason += f", times {allowance:g} away from Table I"
+    return AppliedTolerance(stated, stated.value * growth * allowance, f"{reason} ({stated.reason})")
+
+
+def is_table_one(mechanism: Mechanism) -> bool:
+    """Whether it is a named mechanism with the parameters that it has unless others are given (Table I)."""
+    try:
+        return model(mechanism.name).content_hash == mechanism.content_hash
+    except InputError:
+        return False
 
 
 def judge(run: Run, machine: Machine, peaks: dict[str, float]) -> tuple[Metric, ...]:
@@ -106,17 +87,17 @@ def judge(run: Run, machine: Machine, peaks: dict[str, float]) -> tuple[Metric, 
     Args:
         peaks: largest torque of each stop in the reference [N m].
     """
-    found = run.settings.get("timestep")
-    step = found if isinstance(found, float) else None
-    judged: list[Metric] = []
-    for metric in run.metrics:
+    given = run.settings.get("timestep")
+    step = given if isinstance(given, float) else None
+
+    def applied(metric: Metric) -> AppliedTolerance | None:
         if not _can_be_judged(metric, machine):
-            judged.append(metric)
-            continue
+            return None
         of = (run.engine, run.preset, metric.name, metric.subject, machine.mechanism)
-        bar = None if step is None else bar_for(*of, step)
-        judged.append(metric if bar is None or step is None else _with(metric, bar, step, machine, peaks))
-    return tuple(judged)
+        return tolerance_for(*of, step, table_one=machine.table_one)
+
+    found = [(metric, applied(metric)) for metric in run.metrics]
+    return tuple(metric if one is None else _with(metric, one, machine, peaks) for metric, one in found)
 
 
 def _can_be_judged(metric: Metric, machine: Machine) -> bool:
@@ -126,47 +107,20 @@ def _can_be_judged(metric: Metric, machine: Machine) -> bool:
     return not beyond or metric.name in _AT_OR_BEFORE_LAUNCH
 
 
-def bar_for(
-    engine: str, preset: str, metric: str, subject: str | None, mechanism: Mechanism, step: float
-) -> Bar | None:
-    """The bar stated for the longest step not above this one; the one for the shortest if all are above.
-
-    Args:
-        subject: marker, stop or joint that the metric is about; None: none.
-        step: of the engine [s].
-    """
-    fitting = [bar for bar in BARS if bar.fits(engine, preset, metric, subject, mechanism)]
-    if not fitting:
-        return None
-    below = [bar for bar in fitting if bar.timestep <= step * (1 + 1e-9)]
-    if not below:
-        return min(fitting, key=lambda bar: bar.timestep)
-    longest = max(bar.timestep for bar in below)
-    return min((bar for bar in below if bar.timestep == longest), key=lambda bar: bar.value)
-
-
-def _with(metric: Metric, bar: Bar, step: float, machine: Machine, peaks: dict[str, float]) -> Metric:
-    growth = max(1.0, step / bar.timestep) ** bar.order
-    allowance = 1.0 if machine.table_one else _OTHER_MACHINES
-    tolerance = bar.value * growth * allowance * _scale(bar, metric, machine, peaks)
-    need = _NEED if bar.preset == "tuned" else _STOCK
-    reason = f"{bar.value:g}{f' of the {bar.per} value' if bar.per else ''} stated at {bar.timestep:g} s"
-    if growth > 1:
-        reason += f", grown with order {bar.order} to {step:g} s"
-    if allowance > 1:
-        reason += f", times {allowance:g} away from Table I"
+def _with(metric: Metric, found: AppliedTolerance, machine: Machine, peaks: dict[str, float]) -> Metric:
+    tolerance = found.value * _scale(found.stated, metric, machine, peaks)
     known = machine.reference_uncertainty
     uncertainty = known.get(f"{metric.name} ({metric.subject})", known.get(metric.name))
     refused = refusal(metric.name, metric.subject, tolerance, uncertainty)
     if refused is not None:
         return metric.model_copy(update={"note": refused})
-    return metric.model_copy(update={"tolerance": tolerance, "reason": f"{reason} ({bar.reason or need[bar.engine]})"})
+    return metric.model_copy(update={"tolerance": tolerance, "reason": found.reason})
 
 
-def _scale(bar: Bar, metric: Metric, machine: Machine, peaks: dict[str, float]) -> float:
-    if not bar.per or metric.subject is None:
+def _scale(stated: Tolerance, metric: Metric, machine: Machine, peaks: dict[str, float]) -> float:
+    if not stated.per or metric.subject is None:
         return 1.0
     start = machine.start_torques.get(metric.subject, 0.0)
     # A rest that never pushes has no torque of its own to measure by: then the largest of any stop.
     peak = peaks.get(metric.subject, 0.0) or max(peaks.values(), default=0.0)
-    return start if bar.per == "start" and start > 0 else peak
+    return start if stated.per == "start" and start > 0 else peak

@@ -9,7 +9,9 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording
+from ..study import EngineStudy
 from .options import ExudynOptions
+from .study import STUDY
 
 
 class ExudynEngine(ExudynOptions, BuiltinEngine):
@@ -43,6 +45,11 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         "adaptive_step": True,
         "located_releases": False,
     }
+
+    @classmethod
+    def study(cls) -> EngineStudy:
+        """What studies know of it."""
+        return STUDY
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Show the built system by its own matrices and outputs."""

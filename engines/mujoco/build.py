@@ -14,6 +14,7 @@ from ..contact_events import refuse_moving_gaps
 from .constraints import UnilateralConstraint, stop_contacts
 from .options import MujocoOptions
 from .reference_acceleration import CALLBACK, ReferenceAccelerationCorrection
+from .softness import scaled_solref
 
 mujoco: Any = importlib.import_module("mujoco")  # it carries no types
 
@@ -40,11 +41,11 @@ def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
     model.opt.iterations = options.iterations
     # Without this flag MuJoCo resets a diverged simulation to the start and goes on.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    solref = options.solref or _scaled_softness(options)
+    solref = options.solref or scaled_solref(options.timestep, options.integrator)
     model.jnt_solref[:], model.tendon_solref_lim[:] = solref, solref
     model.jnt_solimp[:], model.tendon_solimp_lim[:] = options.solimp, options.solimp
     model.jnt_margin[:], model.tendon_margin[:] = options.margin, options.margin
-    of_points = options.solref or _scaled_softness(options, kept=options.moving_points)
+    of_points = options.solref or scaled_solref(options.timestep, options.integrator, options.moving_points)
     model.pair_solref[:], model.pair_solimp[:] = of_points, options.solimp
     model.eq_solref[:], model.eq_solimp[:] = of_points, options.solimp
     for contact in stop_contacts(mechanism, model):
@@ -65,18 +66,6 @@ def correction_of(mechanism: Mechanism, model: Any, options: MujocoOptions) -> R
 
 def _corrects(options: MujocoOptions) -> bool:
     return options.moving_points or options.preload
-
-
-def _scaled_softness(options: MujocoOptions, kept: bool = False) -> tuple[float, float]:
-    """Softness of limits, contacts and equalities, -stiffness and -damping [1/s^2, 1/s].
-
-    Scaled so, errors fall with the square of the step. Twice the damping is critical and has the least rebound; a
-    one-stage integrator throws the joint about with it, and settles in one step with half of that. Feedback that is
-    kept through a step of RK4 has a constraint at rest after two with one and a half: the matrix
-    ((1 - K/2, 1 - B/2), (-K, 1 - B)) from one step to the next, with K = k h^2 = 1 and B = b h, is then nilpotent.
-    """
-    damping = 1.0 if options.integrator != "RK4" else 1.5 if kept else 2.0
-    return -1.0 / options.timestep**2, -damping / options.timestep
 
 
 def start_data(model: Any) -> Any:

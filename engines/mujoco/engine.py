@@ -9,7 +9,9 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording
+from ..study import EngineStudy
 from .options import MujocoOptions
+from .study import STUDY
 
 
 class MujocoEngine(MujocoOptions, BuiltinEngine):
@@ -55,6 +57,11 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
         "moving_points": False,
         "keep_limits": True,
     }
+
+    @classmethod
+    def study(cls) -> EngineStudy:
+        """What studies know of it."""
+        return STUDY
 
     def _run(self, problem: Problem) -> Recording:
         # Imported here so that the class, its options and its documentation need no MuJoCo.

@@ -9,7 +9,9 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording
+from ..study import EngineStudy
 from .options import PymunkOptions
+from .study import STUDY
 
 _LIBRARY_ERROR_BIAS = (1.0 - 0.1) ** 60
 
@@ -45,6 +47,11 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
         "locate_releases": False,
         "pivot_mass": 1.0,
     }
+
+    @classmethod
+    def study(cls) -> EngineStudy:
+        """What studies know of it."""
+        return STUDY
 
     def _run(self, problem: Problem) -> Recording:
         # Here and not above: a class must tell that its library is missing, not fail to load.

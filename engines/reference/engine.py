@@ -18,7 +18,9 @@ from ...reference.solver import solve
 from ...reference.taylor.solve import solve_taylor
 from ..inspection import Dynamics, Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording
+from ..study import EngineStudy
 from .options import ReferenceOptions
+from .study import STUDY
 
 
 class ReferenceEngine(ReferenceOptions, BuiltinEngine):
@@ -35,6 +37,11 @@ class ReferenceEngine(ReferenceOptions, BuiltinEngine):
     )
     # A newcomer to SciPy asks for DOP853 with tolerances that sound tight.
     stock_options: ClassVar[Mapping[str, object]] = {"rtol": 1e-9, "atol": 1e-9}
+
+    @classmethod
+    def study(cls) -> EngineStudy:
+        """What studies know of it."""
+        return STUDY
 
     def solve(self, problem: Problem) -> Solution:
         """The continuous solution behind :meth:`simulate`."""

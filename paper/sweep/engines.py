@@ -13,14 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...comparisons.runs.results import Machine, Metric, Outcome, Run
-from ...comparisons.runs.tolerances import judge
+from ...comparisons.runs.tolerances import is_table_one, tolerance_for
 from ...comparisons.runs.worker import Worker, simulate_warm
 from ...engines.protocol import Engine
 from ...engines.registry import engine
 from ...models.errors import TrebucheckError
-from ...models.machines.parameters import TrebuchetParameters
-from ...models.machines.trebuchet import PROJECTILE, parameters_of
+from ...models.machines.trebuchet import PROJECTILE
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ...models.trajectory import Trajectory
@@ -42,21 +40,14 @@ class Allowed:
 
 def allowed(runner: Engine, mechanism: Mechanism) -> Allowed:
     """The tuned preset's bars at its step on a machine, as a comparison would judge them."""
-    wanted = (
-        Metric(name="position_max", subject=PROJECTILE, value=None, unit="m"),
-        Metric(name="launch_speed", value=None, unit="m/s"),
-    )
-    run = Run(
-        model=mechanism.name, engine=runner.name, preset="tuned", outcome=Outcome.OK, engine_version="",
-        settings=runner.settings, metrics=wanted,
-    )  # fmt: skip
-    machine = Machine(
-        model=mechanism.name, mechanism=mechanism, mechanism_hash=mechanism.content_hash,
-        table_one=parameters_of(mechanism) == TrebuchetParameters(), compared_to=1.0, launch_time=None,
-        launch_speed=None, impacts=0, release_times={}, start_torques={},
-    )  # fmt: skip
-    position, speed = judge(run, machine, {})
-    return Allowed(position.tolerance, speed.tolerance)
+
+    def value(metric: str, subject: str | None = None) -> float | None:
+        table_one = is_table_one(mechanism)
+        of = (runner.name, "tuned", metric, subject, mechanism)
+        found = tolerance_for(*of, runner.timestep, table_one=table_one)
+        return None if found is None else found.value
+
+    return Allowed(value("position_max", PROJECTILE), value("launch_speed"))
 
 
 def turning(projectile: Projectile, time: float) -> float:

@@ -14,9 +14,13 @@ import trebucheck as tb
 from trebucheck.comparisons.recommend import Advice, Asked, recommend
 from trebucheck.comparisons.recommend.candidates import option_sets
 from trebucheck.comparisons.recommend.search import Place
-from trebucheck.comparisons.recommend.snippets import EXUDYN_PYTHON, MJCF, MUJOCO_PYTHON, PYMUNK_PYTHON, snippets
+from trebucheck.comparisons.recommend.snippets import snippets
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Trials
+from trebucheck.engines.exudyn.study import PYTHON as EXUDYN_PYTHON
+from trebucheck.engines.mujoco.study import MJCF
+from trebucheck.engines.mujoco.study import PYTHON as MUJOCO_PYTHON
+from trebucheck.engines.pymunk.study import PYTHON as PYMUNK_PYTHON
 from trebucheck.models.mjcf.writer import mjcf, torque_sensor
 from trebucheck.models.spec import schema_text
 

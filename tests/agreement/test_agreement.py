@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from trebucheck.comparisons.compare.report import complaints
 from trebucheck.comparisons.compare.study import Comparison
 from trebucheck.comparisons.runs.results import Outcome, Run
-from trebucheck.comparisons.runs.tolerances import BARS
+from trebucheck.engines.registry import engine_study
 from trebucheck.models.machines.registry import models
 
 PRESETS = ("tuned", "stock")
@@ -44,12 +44,11 @@ def test_named_machines_agree(engine_name: str, model: str, preset: str) -> None
 
 
 def test_no_stated_need_is_idle(engine_name: str) -> None:
-    """Every bar names a metric the engine's runs have: one that matches nothing would only look like a check."""
+    """Every tolerance names a metric the engine's runs have: one that matches nothing would only look like a check."""
     runs = table_one(engine_name).results.runs
-    for bar in BARS:
-        if bar.engine == engine_name:
-            metrics = [m for run in runs if run.preset == bar.preset for m in run.metrics if m.name == bar.metric]
-            assert any(metric.holds is not None for metric in metrics), bar
+    for stated in engine_study(engine_name).tolerances:
+        metrics = [m for run in runs if run.preset == stated.preset for m in run.metrics if m.name == stated.metric]
+        assert any(metric.holds is not None for metric in metrics), stated
 
 
 @pytest.mark.parametrize("preset", PRESETS)

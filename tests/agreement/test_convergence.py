@@ -8,10 +8,11 @@ from functools import cache
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.converge import study as studying
-from trebucheck.comparisons.converge.parameters import Knob, knobs
+from trebucheck.comparisons.converge.parameters import swept_parameters
 from trebucheck.comparisons.converge.results import MachineStudies, Study
 from trebucheck.comparisons.converge.study import converge
 from trebucheck.comparisons.runs import study as runs
+from trebucheck.engines.study import SweptParameter
 
 pytestmark = pytest.mark.slow
 BUILD = {"fixed": tb.fixed, "rolling": tb.rolling}
@@ -42,14 +43,14 @@ def _machine(name: str, asked: tuple[str, ...]) -> MachineStudies:
 def _no_more_runs_than_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Repeats are for timing, floors have tests of their own, and stock presets no bar here."""
 
-    def without_stock_steps(engine: str, names: list[str] | None = None) -> list[Knob]:
+    def without_stock_steps(engine: str, names: list[str] | None = None) -> list[SweptParameter]:
         return [
             replace(knob, repeats=1)
-            for knob in knobs(engine, names)
+            for knob in swept_parameters(engine, names)
             if (knob.name, knob.preset) != ("timestep", "stock")
         ]
 
-    monkeypatch.setattr(studying, "knobs", without_stock_steps)
+    monkeypatch.setattr(studying, "swept_parameters", without_stock_steps)
     monkeypatch.setattr(studying, "floor", lambda *_: None)
 
 

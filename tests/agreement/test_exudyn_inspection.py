@@ -60,7 +60,6 @@ def _relative(mine: FloatArray, theirs: FloatArray) -> float:
 def test_springs_and_constraints_are_the_same_machine(mechanism: Mechanism, stiffness: float | None) -> None:
     states = random_states(mechanism)
     found = ExudynEngine(stop_stiffness=stiffness).inspect(mechanism, states)
-    assert found.differences is None
     assert max(off(found, mechanism, states).values()) <= EXACT
     assert max(abs(gap) for dynamics in found.dynamics for gap in dynamics.stop_gaps.values()) <= EXACT
     assert any(state.closed for state in states)

@@ -49,8 +49,6 @@ class Apart:
     start: float
     """[rad or m]"""
     total_mass: float | None
-    tolerance: float
-    """Of accelerations and torques: rounding, or the truncation of the engine's differences."""
 
     @property
     def exact(self) -> list[float]:
@@ -60,7 +58,7 @@ class Apart:
 
     def holds(self) -> bool:
         """Whether the built model is the machine."""
-        return max(self.exact) <= EXACT and max(self.accelerations, self.torques) <= self.tolerance
+        return max(self.exact) <= EXACT and max(self.accelerations, self.torques) <= EXACT
 
 
 def apart(found: Inspection, mechanism: Mechanism, states: Sequence[State]) -> Apart:
@@ -94,7 +92,6 @@ def apart(found: Inspection, mechanism: Mechanism, states: Sequence[State]) -> A
         gaps=max(gaps, default=0.0),
         start=float(np.abs(found.start - mechanism.start).max()),
         total_mass=None if found.total_mass is None else abs(found.total_mass - total) / total,
-        tolerance=_tolerance(found, states),
     )
 
 
@@ -105,15 +102,6 @@ def _worst(pairs: Sequence[tuple[object, object]]) -> float | None:
     # State by state, and component by component, each of the size it reaches in some state.
     size = np.abs(theirs).max(axis=0)
     return float((np.abs(mine - theirs) / np.where(size > 0, size, 1.0)).max())
-
-
-def _tolerance(found: Inspection, states: Sequence[State]) -> float:
-    """Rounding; or the truncation (h w)^p of a difference, w a rate of the motion, with room for its coefficient."""
-    if found.differences is None:
-        return EXACT
-    step, order = found.differences.step, found.differences.order
-    rate = 1.0 + max(float(np.abs(state.u).max()) for state in states)
-    return max(EXACT, 100.0 * (step * rate) ** order)
 
 
 # --- The same machine -------------------------------------------------------------------------------------------
@@ -249,7 +237,7 @@ def test_a_thousandth_shows(fault: str, build: Callable[..., Mechanism], engine_
     states = random_states(build())
     difference = apart(_inspectable(engine_name).inspect(WRONG[fault](build), states), build(), states)
     # In accelerations by themselves, by well more than their tolerance (an inertia of 1/60 of the whole shows least).
-    assert difference.accelerations > 1e-6 > difference.tolerance
+    assert difference.accelerations > 1e-6 > EXACT
     assert not difference.holds()
 
 

@@ -151,9 +151,10 @@ def test_a_broken_tolerance_is_exit_code_1(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from trebucheck.comparisons.runs import tolerances
+    from trebucheck.engines.study import EngineStudy, Tolerance
 
-    strict = tolerances.Bar("reference", "stock", "launch_speed", 1e-9, 1.0, 0)
-    monkeypatch.setattr(tolerances, "BARS", (strict,))
+    strict = Tolerance("stock", "launch_speed", 1e-9, 1.0, 0, "a test")
+    monkeypatch.setattr(tolerances, "engine_study", lambda _: EngineStudy(tolerances=(strict,)))
     assert main(["compare", "--engine", "reference", "--model", "fixed", "--out", str(tmp_path)]) == 1
     shown = re.sub(r"\s+", " ", capsys.readouterr().out)
     assert "Agreement does not hold" in shown

@@ -17,8 +17,8 @@ import trebucheck as tb
 from trebucheck.cli.app import main
 from trebucheck.comparisons.converge import study as studying
 from trebucheck.comparisons.converge.fit import FEWEST, SLOPE, power_law
-from trebucheck.comparisons.converge.floor import Site, floor, notches
-from trebucheck.comparisons.converge.parameters import knob_names, knobs
+from trebucheck.comparisons.converge.floor import Site, floor, refinements
+from trebucheck.comparisons.converge.parameters import parameter_names, swept_parameters
 from trebucheck.comparisons.converge.report import document
 from trebucheck.comparisons.converge.results import Studies
 from trebucheck.comparisons.converge.richardson import ASYMPTOTIC, Level, largest, limit, observed_order, weights
@@ -29,6 +29,7 @@ from trebucheck.comparisons.runs.runner import run_duration
 from trebucheck.comparisons.runs.store import Store
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Trials
+from trebucheck.engines.study import ConstraintKinds
 from trebucheck.models.spec import schema_text
 
 STEPS = 1e-2 / 2.0 ** np.arange(9)
@@ -193,7 +194,7 @@ def _site(answers: dict[str, float], error: float = 1.0, **others: object) -> Si
 
     settings = tb.engine("mujoco", "stock", timestep=1e-3).model_dump(mode="json")  # type: ignore[attr-defined]
     fields = {"engine": "mujoco", "settings": settings, "turned": ("timestep",), "error": error, "value": 1e-3}
-    return Site(**{**fields, "measure": measure, **others})  # type: ignore[arg-type]
+    return Site(**{**fields, "measure": measure, "constraints": ConstraintKinds(), **others})  # type: ignore[arg-type]
 
 
 def test_a_floor_is_set_by_what_moves_it() -> None:
@@ -216,7 +217,7 @@ def test_a_floor_of_the_reference_or_of_rounding() -> None:
 
 def test_the_studys_own_knob_is_left_alone() -> None:
     settings = tb.engine("pymunk", "stock").model_dump(mode="json")  # type: ignore[attr-defined]
-    changed = [set(change) for _, change in notches("pymunk", settings, ("iterations",))]
+    changed = [set(change) for _, change in refinements("pymunk", settings, ("iterations",), ConstraintKinds())]
     assert {"timestep"} in changed and {"leapfrog"} in changed
     assert not any("iterations" in change for change in changed)
 
@@ -225,7 +226,7 @@ def test_every_notch_is_an_option_the_engine_takes() -> None:
     for name in ("mujoco", "pymunk", "exudyn"):
         for preset in ("tuned", "stock"):
             settings = tb.engine(name, preset).model_dump(mode="json")  # type: ignore[attr-defined]
-            found = list(notches(name, settings, ()))
+            found = list(refinements(name, settings, (), ConstraintKinds()))
             assert len(found) >= 3
             for _, change in found:
                 assert set(change) <= set(settings)
@@ -245,15 +246,15 @@ def test_an_error_that_still_falls_has_no_floor() -> None:
 
 def test_knobs_are_options_of_their_engines_and_go_from_coarse_to_fine() -> None:
     for name in ("mujoco", "pymunk", "exudyn"):
-        for knob in knobs(name):
+        for knob in swept_parameters(name):
             made = [tb.engine(name, knob.preset, **{**knob.base, **knob.options(v)}) for v in knob.values]
             assert len({one.model_dump_json() for one in made}) == len(made), f"{name} {knob.name}: equal settings"  # type: ignore[attr-defined]
             assert np.all(np.diff(np.log(knob.values)) < 0) or np.all(np.diff(np.log(knob.values)) > 0)
-            assert knob.name in knob_names()
+            assert knob.name in parameter_names()
 
 
 def test_the_bias_leaves_an_error_standing_for_the_lag() -> None:
-    knob = next(knob for knob in knobs("pymunk") if knob.name == "error_bias")
+    knob = next(knob for knob in swept_parameters("pymunk") if knob.name == "error_bias")
     h = knob.base["timestep"]
     for lag in knob.values:
         share = float(knob.options(lag)["error_bias"]) ** h  # of an error that is left after a step
@@ -261,7 +262,7 @@ def test_the_bias_leaves_an_error_standing_for_the_lag() -> None:
 
 
 def test_the_radius_is_that_of_the_dissipation() -> None:
-    knob = next(knob for knob in knobs("exudyn") if knob.name == "spectral_radius")
+    knob = next(knob for knob in swept_parameters("exudyn") if knob.name == "spectral_radius")
     for dissipation in knob.values:
         rho = knob.options(dissipation)["spectral_radius"]
         assert (1 - rho) / (1 + rho) == pytest.approx(dissipation)

@@ -147,9 +147,10 @@ def test_a_tolerance_finer_than_the_reference_can_vouch_for_is_refused_and_the_r
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     from trebucheck.comparisons.runs import tolerances
+    from trebucheck.engines.study import EngineStudy, Tolerance
 
-    too_fine = tolerances.Bar("reference", "tuned", "launch_speed", 1e-13, 1.0, 0)
-    monkeypatch.setattr(tolerances, "BARS", (too_fine,))
+    too_fine = Tolerance("tuned", "launch_speed", 1e-13, 1.0, 0, "a test")
+    monkeypatch.setattr(tolerances, "engine_study", lambda _: EngineStudy(tolerances=(too_fine,)))
     comparison = _compare()
     metric = comparison.results.runs[0].metric("launch_speed")
     assert metric is not None and metric.holds is None and metric.note is not None

@@ -1,0 +1,231 @@
+"""What studies need to know of MuJoCo."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from pydantic import JsonValue
+
+from ...models.mechanism import Mechanism
+from ...models.mjcf.writer import POINT_INERTIA
+from ..study import (
+    HALF_THE_STEP,
+    REFINEMENT,
+    STOCK_SET,
+    TUNED_SET,
+    Cause,
+    ConstraintKinds,
+    EngineStudy,
+    Intervention,
+    Options,
+    OptionSet,
+    Refinement,
+    StepOrder,
+    SweptParameter,
+    Tolerance,
+    filled_template,
+    geometric,
+    multiplied,
+    same_value,
+    time_step_cause,
+    with_readout,
+)
+from .softness import effective_solref
+
+MJCF, PYTHON = "MJCF", "MuJoCo in Python"
+_MOVING = "moving points"
+_SEEN_INERTIA = 1e-6  # [kg m^2] shifts the projectile by some 1e-8 m: far above rounding, and still in proportion
+_SOFTEST_LIMIT = 0.9999  # MuJoCo clamps the impedance there
+
+
+def _causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
+    # Stiff points that are not held as they move are unstable: no other cause can be taken out before.
+    causes = [replace(cause, after=(*cause.after, _MOVING)) for cause in _common_causes(settings, constraints)]
+    text = "MuJoCo leaves out of contacts the acceleration that a held point has from the speeds alone"
+    moving = [Cause(_MOVING, text, Intervention({"moving_points": True}))] if constraints.points else []
+    return with_readout(*moving, *causes)
+
+
+def _common_causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
+    finer: dict[str, JsonValue] = {"timestep": float(settings["timestep"]) / REFINEMENT}
+    if settings["solref"] is None:  # it would follow the step
+        finer["solref"] = _stiffest(settings, constraints)
+    return (
+        *_softness(settings, constraints),
+        # Points are pressed in by an acceleration: with softer ones than the step can bear they would jump.
+        Cause("start transient", "soft limits start without the give that carries their torque",
+              Intervention({"preload": True}), after=("constraint softness",) if constraints.points else ()),
+        Cause("solver tolerance", "where MuJoCo's constraint solver stops",
+              Intervention({"solver": "Newton", "tolerance": min(1e-30, float(settings["tolerance"]))})),
+        Cause("limits kept", "stops stay in the model after they have released, and may be met again",
+              Intervention({"keep_limits": False})),
+        Cause("event location", "a release is noticed at the end of its step, and the step goes over its kink",
+              Intervention({"locate_releases": True})),
+        Cause("integrator", "the rule of a step, of first order but for RK4", Intervention({"integrator": "RK4"})),
+        time_step_cause(finer),
+        Cause("point inertia", f"MuJoCo wants an inertia of every body: point masses have {POINT_INERTIA:g} kg m²",
+              scaling=Intervention(point_inertia=_SEEN_INERTIA, leaves=_SEEN_INERTIA / POINT_INERTIA)),
+    )  # fmt: skip
+
+
+def _stiffest(settings: Any, constraints: ConstraintKinds, refinement: int = 1) -> list[JsonValue]:
+    """The stiffest constraints that a step so many times finer can bear; points are held exactly by then (`after`)."""
+    step = float(settings["timestep"]) / refinement
+    return [*effective_solref({**settings, "solref": None, "moving_points": True, "timestep": step}, constraints)]
+
+
+def _softness(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
+    """Softness as two causes at most: an error of (1 - d) tc^2, d the impedance, tc the limits' time constant."""
+    stiffest, given, shape = _stiffest(settings, constraints), settings["solref"], list(settings["solimp"])
+    text = "limits give way: MuJoCo's stops are springs and dampers, and let through 1 - d of what they should stop"
+    hardest = [_SOFTEST_LIMIT, _SOFTEST_LIMIT, *shape[2:]]
+    if (given is not None and not same_value(given, stiffest)) or min(shape[:2]) < _SOFTEST_LIMIT:
+        removal = Intervention({"solref": stiffest, "solimp": hardest})
+        return (Cause("constraint softness", text, removal),)
+    # As stiff as this step can bear: stiffer limits need the shorter step. 1 - d, doubled, is the second measure.
+    removal = Intervention({"solref": _stiffest(settings, constraints, REFINEMENT)})
+    twice = [1.0 - 2.0 * (1.0 - d) for d in shape[:2]]
+    scaling = Intervention({"solimp": [*twice, *shape[2:]]}, leaves=2.0)
+    return (Cause("constraint softness", text, removal, scaling, after=("time step",)),)
+
+
+def _impedance(softness: float) -> Options:
+    d = 1.0 - softness
+    return {"solimp": [d, d, 0.001, 0.5, 2.0]}
+
+
+def _integrator(name: str) -> SweptParameter:
+    return SweptParameter(
+        name="integrator", title=f"time step h, {name}", unit="s", values=tuple(1e-2 / 2**k for k in range(5)),
+        options=lambda h: {"timestep": h}, expected=1.0, why="the integrator is of first order",
+        base={"integrator": name},
+    )  # fmt: skip
+
+
+_SWEPT = (
+    SweptParameter(
+        name="solref", title="limits' time constant tc", unit="s", values=geometric(3.2e-2, 5e-4, 8),
+        options=lambda tc: {"solref": [tc, 1.0]}, expected=2.0, base={"timestep": 2.5e-4},
+        why="a limit gives way by (1 - d) tc^2 times the acceleration it withholds",
+    ),
+    SweptParameter(
+        name="solimp", title="limits' softness 1 - d", unit="1", values=geometric(0.3, 1e-4, 8), options=_impedance,
+        expected=1.0, base={"timestep": 5e-4, "solref": [0.02, 1.0]},
+        why="a limit gives way by (1 - d) tc^2 times the acceleration it withholds (d: its impedance)",
+    ),
+    SweptParameter(
+        name="tolerance", title="solver's tolerance", unit="1", values=geometric(1e-2, 1e-14, 7),
+        options=lambda tolerance: {"tolerance": tolerance}, base={"timestep": 1e-3}, without={"tolerance": 1e-30},
+        why="Newton's method converges in leaps: the error falls in leaps, too, as one more iteration is made",
+    ),
+    *map(_integrator, ("Euler", "implicit", "implicitfast", "discrete")),
+)  # fmt: skip
+
+
+def _softer(settings: Options, constraints: ConstraintKinds) -> dict[str, Any] | None:
+    """Half the time constant of the limits."""
+    stiffness, damping = effective_solref(settings, constraints)
+    if stiffness < 0:
+        return {"solref": (4.0 * stiffness, 2.0 * damping)}
+    # MuJoCo does not go below two steps with the positive form.
+    return {"solref": (stiffness / 2, damping)} if stiffness >= 4 * float(settings["timestep"]) else None
+
+
+def _stiffer_impedance(settings: Options, _: ConstraintKinds) -> dict[str, Any] | None:
+    solimp = settings["solimp"]
+    if min(1 - solimp[0], 1 - solimp[1]) < 2e-4:  # MuJoCo's own bound is 1e-4
+        return None
+    return {"solimp": ((1 + solimp[0]) / 2, (1 + solimp[1]) / 2, *solimp[2:])}
+
+
+_REFINEMENTS = (
+    HALF_THE_STEP,
+    Refinement("softness of the limits", "half the limits' time constant", _softer),
+    Refinement("softness of the limits", "half the limits' 1 - d", _stiffer_impedance),
+    Refinement("solver's tolerance", "a hundredth of the tolerance", multiplied("tolerance", 0.01)),
+    Refinement("solver's iterations", "four times the iterations", multiplied("iterations", 4)),
+)
+
+_IN_MJCF = {"free_substeps": 1, "locate_releases": False, "preload": False}
+_OPTION_SETS = (
+    STOCK_SET,
+    OptionSet(
+        "stiffer limits",
+        "stock, with a time constant of the limits of two steps, the shortest MuJoCo takes",
+        "stock",
+        scaled=lambda h: {"solref": (2 * h, 1.0)},
+    ),
+    OptionSet(
+        "stiff limits",
+        "limits as stiff as the step bears, solver to the last digit; all of it in the MJCF",
+        "tuned",
+        _IN_MJCF | {"keep_limits": True},
+    ),
+    OptionSet("limits removed", "the same, and a limit is taken out after its release", "tuned", _IN_MJCF),
+    OptionSet(
+        "releases located",
+        "the same, with releases found inside the step and limits preloaded",
+        "tuned",
+        {"free_substeps": 1},
+    ),
+    TUNED_SET,
+)
+
+_NEED = "second order once releases are located, softness scaled with the step"
+_SOFT_CONTACT = "(1 - impedance) x step: a contact's softness lags a changing force by up to a step"
+_STOCK = "default soft limits: millimetres, whatever the step"
+_TOLERANCES = (
+    Tolerance("tuned", "position_max", 1e-7, 1e-3, 2, _NEED, subject="projectile"),
+    Tolerance("tuned", "release_time", 1e-8, 1e-3, 2, _NEED, on_points=False),
+    Tolerance("tuned", "release_time", 1e-7, 1e-3, 1, _SOFT_CONTACT, on_points=True),
+    Tolerance("tuned", "launch_speed", 3e-7, 1e-3, 2, _NEED),
+    Tolerance("tuned", "stop_torque_max", 1e-6, 1e-3, 2, _NEED, per="start"),
+    Tolerance("tuned", "energy_drift", 1e-9, 1e-3, 2, _NEED),
+    Tolerance("stock", "position_max", 1e-2, 1e-3, 2, _STOCK, subject="projectile"),
+)
+
+
+def _snippets(engine: Any, mechanism: Mechanism, _: float) -> dict[str, str]:
+    # The model as it is built knows the softness that follows from the step, and where stops are on tendons.
+    from .build import load  # loads MuJoCo
+
+    model = load(mechanism, engine)
+    points = bool(mechanism.point_stops or mechanism.loop_joints)
+    outside = [
+        text
+        for needed, text in (
+            (not engine.keep_limits, "limits taken out when they release"),
+            (engine.locate_releases, "releases found inside a step"),
+            (engine.preload, "limits preloaded"),
+            (engine.free_substeps > 1, "shorter steps after the last release"),
+            (engine.moving_points and points, "points held through all stages of a step by `mjcb_control`"),
+        )
+        if needed
+    ]
+    values: dict[str, Any] = {
+        "options": engine, "solref": model.jnt_solref[0].tolist(), "tendons": model.ntendon > 0, "outside": outside,
+        "points": points,
+    }  # fmt: skip
+    found = {MJCF: filled_template(__package__, "mujoco.xml.j2", **values)}
+    # The callback that holds points is no text to paste: such a mechanism is run by trebucheck's own lines.
+    if outside and not points:
+        found[PYTHON] = filled_template(__package__, "mujoco.py.j2", **values)
+    return found
+
+
+STUDY = EngineStudy(
+    causes=_causes,
+    swept_parameters=_SWEPT,
+    step_orders={
+        "tuned": StepOrder(
+            2.0, "releases are located, and the limits' softness is scaled with the step: tc = h, error ~ tc^2"
+        ),
+        "stock": StepOrder(None, "the limits' softness is fixed: it does not fall with the step"),
+    },
+    refinements=_REFINEMENTS,
+    option_sets=_OPTION_SETS,
+    tolerances=_TOLERANCES,
+    snippets=_snippets,
+    colour="#1f77b4",
+)

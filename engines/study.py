@@ -1,0 +1,279 @@
+"""What studies need to know of an engine: causes of its error, parameters worth sweeping, option sets, tolerances.
+
+Each engine gives an :class:`EngineStudy` by the class method `study`; every field has a default, which holds for an
+engine that supplies nothing. The tables hold data and functions of options only: reading them runs no engine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from pydantic import JsonValue
+
+from ..models.mechanism import Mechanism
+
+Options = Mapping[str, Any]
+
+REFINEMENT = 8
+"""Steps to one of the base: leaves 1/64 of an error of second order, so that no order need be assumed."""
+
+
+@dataclass(frozen=True)
+class ConstraintKinds:
+    """What the constraints of a mechanism hold, where options of engines act on one kind only."""
+
+    angles: bool = True
+    """Stops on angles."""
+    points: bool = False
+    """Stops on points, or joints that close loops."""
+
+    @classmethod
+    def of(cls, mechanism: Mechanism | None) -> ConstraintKinds:
+        """Of a mechanism; with none given, of the paper's, whose stops are on angles."""
+        if mechanism is None:
+            return cls()
+        return cls(bool(mechanism.angle_stops), bool(mechanism.point_stops or mechanism.loop_joints))
+
+
+@dataclass(frozen=True)
+class Intervention:
+    """What is done to a run."""
+
+    options: Mapping[str, JsonValue] = field(default_factory=dict[str, JsonValue])
+    """Options of the engine that are set otherwise."""
+    point_inertia: float | None = None
+    """Inertia given to bodies that have none [kg m^2]."""
+    own_kinematics: bool = False
+    """Positions, speeds and energies are computed from the engine's coordinates by the mechanism's kinematics."""
+    filtered_torques: bool = False
+    """Torques are rid of what changes sign with every step."""
+    leaves: float = 0.0
+    """What is left of the cause's error: 0 if it is taken out, 2 if it is doubled."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A named cause of an engine's error."""
+
+    name: str
+    explanation: str
+    """One line."""
+    removal: Intervention | None = None
+    """Takes it out; several removals can be made together."""
+    scaling: Intervention | None = None
+    """Makes it larger by itself: the only measure of it, or a second one."""
+    after: tuple[str, ...] = ()
+    """Causes that must have been taken out first: with them, this removal would bring in an error of its own."""
+
+    @property
+    def options(self) -> Mapping[str, JsonValue]:
+        """The changes of options that measure it; empty where it is not an option's."""
+        chosen = self.removal or self.scaling
+        return {} if chosen is None else chosen.options
+
+
+def time_step_cause(finer: Mapping[str, JsonValue], leaves: float = 0.0, after: tuple[str, ...] = ()) -> Cause:
+    """The time step as a cause, taken out by the `finer` options, which leave that share of its error."""
+    text = "what a step leaves out; taken out by shorter steps, all else as it is"
+    return Cause("time step", text, Intervention(finer, leaves=leaves), after=after)
+
+
+def with_readout(*causes: Cause) -> tuple[Cause, ...]:
+    """The causes, and the readout as the last one.
+
+    Last in every order: where joints have drifted, coordinates stand for another mechanism than the markers show.
+    """
+    text = "the engine's markers and energies, against its own coordinates through the machine's kinematics"
+    removed_before = tuple(cause.name for cause in causes if cause.removal is not None)
+    return (*causes, Cause("readout", text, Intervention(own_kinematics=True), after=removed_before))
+
+
+def time_step_only(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
+    """Causes of an engine of which nothing is known but its time step."""
+    h = settings.get("timestep")
+    return (time_step_cause({"timestep": h / REFINEMENT}),) if isinstance(h, float) else ()
+
+
+@dataclass(frozen=True)
+class SweptParameter:
+    """One option of an engine and preset, with the values it is swept through.
+
+    Where `without` is given, exponents are of the part of the error that the parameter makes: the difference, as a
+    function of time, to the run without it. So the time step's error, which is always there, does not hide the law.
+    """
+
+    name: str
+    """Of the option: what `--knobs` asks for."""
+    title: str
+    unit: str
+    values: tuple[float, ...]
+    """From coarse to fine."""
+    options: Callable[[float], Options]
+    """What a value means to the engine."""
+    why: str
+    """Where the expected exponent comes from, or why none is expected."""
+    expected: float | None = None
+    preset: str = "tuned"
+    base: Options = field(default_factory=dict[str, Any])
+    """Options that stay as they are, over the preset's."""
+    without: Options | None = None
+    """Options that take the parameter's own error out."""
+    repeats: int = 1
+    """How often a value is timed, unless its run is long."""
+
+    @property
+    def requires(self) -> set[str]:
+        """Names of the options it needs."""
+        return {*self.base, *self.options(self.values[0])}
+
+
+def geometric(coarse: float, fine: float, n: int) -> tuple[float, ...]:
+    """N values in equal ratios."""
+    return tuple(float(value) for value in np.geomspace(coarse, fine, n))
+
+
+@dataclass(frozen=True)
+class StepOrder:
+    """With what power of the time step an engine's error is expected to fall."""
+
+    order: float | None
+    """None: with no power."""
+    reason: str
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """One option set a little finer: whether that lowers an error tells what the error comes from."""
+
+    cause: str
+    description: str
+    change: Callable[[Options, ConstraintKinds], dict[str, Any] | None]
+    """The changed options at an engine's settings; None where nothing can be refined."""
+
+
+def multiplied(option: str, factor: float) -> Callable[[Options, ConstraintKinds], dict[str, Any] | None]:
+    """The change of a :class:`Refinement` that multiplies an option, where it is set and not zero."""
+
+    def change(settings: Options, _: ConstraintKinds) -> dict[str, Any] | None:
+        value = settings.get(option)
+        return None if not value else {option: type(value)(value * factor)}
+
+    return change
+
+
+HALF_THE_STEP = Refinement("time step", "half the time step", multiplied("timestep", 0.5))
+
+
+def _nothing(_: float) -> dict[str, Any]:
+    return {}
+
+
+@dataclass(frozen=True)
+class OptionSet:
+    """Options of an engine, all but the time step, that may be recommended."""
+
+    name: str
+    description: str
+    """How it differs from the others, in a few words."""
+    preset: str
+    options: Options = field(default_factory=dict[str, Any])
+    """Where they differ from the preset's."""
+    scaled: Callable[[float], Options] = _nothing
+    """Options that follow from the step [s]."""
+
+    def all_options(self, step: float) -> dict[str, Any]:
+        """What to set over the preset at a step [s]."""
+        return {"timestep": step, **self.options, **self.scaled(step)}
+
+
+STOCK_SET = OptionSet("stock", "as its documentation leads to", "stock")
+TUNED_SET = OptionSet("tuned", "every measure trebucheck knows", "tuned")
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """One stated need: what agreement with the reference is asked of a preset, and why just that much."""
+
+    preset: str
+    metric: str
+    value: float
+    timestep: float
+    """Step the value is stated for [s]."""
+    order: int
+    """Order in the step with which the value grows at longer steps."""
+    reason: str
+    """Why just that much."""
+    per: str = ""
+    """'' for the metric's own unit, 'start' or 'peak' for a multiple of the stop's torque at the start, or at most."""
+    subject: str | None = None
+    """Marker, stop or joint; None: any."""
+    model: str | None = None
+    """Name of the mechanism; None: any."""
+    on_points: bool | None = None
+    """Whether it is for stops on points (True), on angles (False), or any (None)."""
+
+    def fits(self, preset: str, metric: str, subject: str | None, mechanism: Mechanism) -> bool:
+        """Whether it is about this metric."""
+        points = {stop.name for stop in mechanism.point_stops}
+        return (
+            (self.preset, self.metric) == (preset, metric)
+            and self.subject in (None, subject)
+            and self.model in (None, mechanism.name)
+            and self.on_points in (None, subject in points)
+        )
+
+
+def no_snippets(*_: Any) -> dict[str, str]:
+    """Of an engine that has nothing to paste but trebucheck's own lines."""
+    return {}
+
+
+@dataclass(frozen=True)
+class EngineStudy:
+    """All that studies know of an engine; each default is what holds for an engine that does not say."""
+
+    causes: Callable[[Any, ConstraintKinds], tuple[Cause, ...]] = time_step_only
+    """Causes of its error from its settings and what a mechanism's constraints hold, in the order of removal."""
+    swept_parameters: tuple[SweptParameter, ...] = ()
+    """Beside the time step, which is swept for every engine."""
+    step_orders: Mapping[str, StepOrder] = field(default_factory=dict[str, StepOrder])
+    """By preset."""
+    refinements: tuple[Refinement, ...] = (HALF_THE_STEP,)
+    option_sets: tuple[OptionSet, ...] = ()
+    """From plain to tuned; none: one a preset."""
+    tolerances: tuple[Tolerance, ...] = ()
+    snippets: Callable[[Any, Mechanism, float], Mapping[str, str]] = no_snippets
+    """Texts to paste by title, from the engine, the mechanism, and a duration [s] within which most launches come."""
+    colour: str | None = None
+    """In plots, as '#rrggbb'; None: one follows from the engine's name."""
+
+
+def same_value(a: JsonValue, b: JsonValue) -> bool:
+    """Whether two values of an option are equal; JSON makes no difference between tuples and lists."""
+    return a == b or (isinstance(a, list | tuple) and isinstance(b, list | tuple) and list(a) == list(b))
+
+
+def filled_template(package: str, name: str, **values: Any) -> str:
+    """A text to paste from a Jinja template in the folder `templates` of a package.
+
+    In templates, `number` and `numbers` write the shortest decimals that read back to the same float64.
+    """
+    from jinja2 import Environment, StrictUndefined  # only `recommend` needs it
+
+    environment = Environment(  # nothing here is HTML
+        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, autoescape=False
+    )
+    text = (files(package) / "templates" / name).read_text(encoding="utf-8")
+    return environment.from_string(text).render(number=_number, numbers=_numbers, **values).strip("\n")
+
+
+def _number(value: float) -> str:
+    return repr(float(value)).removesuffix(".0")
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return " ".join(map(_number, values))
