@@ -257,8 +257,8 @@ def same_value(a: JsonValue, b: JsonValue) -> bool:
     return a == b or (isinstance(a, list | tuple) and isinstance(b, list | tuple) and list(a) == list(b))
 
 
-def filled_template(package: str, name: str, **values: Any) -> str:
-    """A text to paste from a Jinja template in the folder `templates` of a package.
+def filled_template(module: str, name: str, **values: Any) -> str:
+    """A text to paste from a Jinja template in the folder `templates` beside a module.
 
     In templates, `number` and `numbers` write the shortest decimals that read back to the same float64.
     """
@@ -267,7 +267,7 @@ def filled_template(package: str, name: str, **values: Any) -> str:
     environment = Environment(  # nothing here is HTML
         undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, autoescape=False
     )
-    text = (files(package) / "templates" / name).read_text(encoding="utf-8")
+    text = (files(module.rpartition(".")[0]) / "templates" / name).read_text(encoding="utf-8")
     return environment.from_string(text).render(number=_number, numbers=_numbers, **values).strip("\n")
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from scipy.optimize import brentq
-from trebucheck.comparisons.compare import study as campaign
+from trebucheck.comparisons.runs import study as studying
 from trebucheck.comparisons.runs.results import Outcome, Run
 from trebucheck.engines import registry
 from trebucheck.engines.inspection import Inspection, State
@@ -102,13 +102,13 @@ def run_with(fault: Fault, model: str, monkeypatch: pytest.MonkeyPatch) -> Run:
         rounded_text(monkeypatch, fault.text)
     if fault.patch:
         fault.patch(monkeypatch)
-    make = campaign.engine
+    make = studying.engine
 
     def spoilt(name: str, preset: str, **options: Any) -> Any:
         inner = make(name, preset, **options)
         return Faulty(inner, **fault.parts) if fault.parts else inner
 
-    monkeypatch.setattr(campaign, "engine", spoilt)
+    monkeypatch.setattr(studying, "engine", spoilt)
     monkeypatch.setattr(registry, "engine", spoilt)  # with other options it is as faulty
     results = tb.compare([model], [fault.engine], ["tuned"], isolate=False, **(fault.options or {})).results
     return results.runs[0]

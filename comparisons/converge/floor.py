@@ -39,7 +39,11 @@ def refinements(
             yield refinement, change
     for option, value in engine(name, "tuned").settings.items():
         if option in settings and settings[option] != value and option not in (*swept, "timestep"):
-            yield Refinement(f"option {option}", f"{option} as tuned", lambda *_: None), {option: value}
+            yield Refinement(f"option {option}", f"{option} as tuned", _unchanged), {option: value}
+
+
+def _unchanged(_: Options, __: ConstraintKinds) -> None:
+    return None
 
 
 @dataclass(frozen=True)

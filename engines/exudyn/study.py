@@ -108,7 +108,7 @@ _TOLERANCES = (
 
 def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
     points = bool(mechanism.point_stops)
-    return {PYTHON: filled_template(__package__, "exudyn.py.j2", options=engine, end=duration, points=points)}
+    return {PYTHON: filled_template(__name__, "exudyn.py.j2", options=engine, end=duration, points=points)}
 
 
 STUDY = EngineStudy(

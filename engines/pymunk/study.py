@@ -122,7 +122,7 @@ _TOLERANCES = (
 
 
 def _snippets(engine: Any, _: Mechanism, __: float) -> dict[str, str]:
-    return {PYTHON: filled_template(__package__, "pymunk.py.j2", options=engine)}
+    return {PYTHON: filled_template(__name__, "pymunk.py.j2", options=engine)}
 
 
 STUDY = EngineStudy(
