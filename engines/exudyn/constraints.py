@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -38,54 +38,34 @@ class Spring:
     """With the gap closed and at rest [N m, N]."""
 
 
-class UnilateralConstraint(Protocol):
-    """The connector of a stop."""
-
-    @property
-    def sense(self) -> int:
-        """Sign of the connector's displacement that closes the gap: 1 or -1."""
-        ...
-
-    force_sensor: ClassVar[str]
-    """Exudyn's name of the connector's force."""
-
-    def torque(self, values: Values) -> FloatArray:
-        """Torque (or force) while it is active [N m, N], shape (n,)."""
-        ...
-
-    def connector_gap(self, output: Output, values: Values) -> float:
-        """Gap by the connector's own measure at the current state [rad, m]."""
-        ...
-
-    def rounding(self, values: Values) -> float:
-        """Rounding error of the gap [rad, m]."""
-        ...
-
-
 @dataclass(frozen=True)
 class AngleLimit:
     """A stop on a relative angle: a connector of two rotations."""
+
+    force_sensor: ClassVar[str] = "Force"
+    """Exudyn's name of the connector's force."""
 
     stop: Stop
     spring: Spring | None
 
     @property
     def sense(self) -> int:
-        """The stop's own."""
+        """Sign of the connector's displacement that closes the gap: 1 or -1."""
         return self.stop.sense
 
-    force_sensor: ClassVar[str] = "Force"
-
     def torque(self, values: Values) -> FloatArray:
-        """The connector's force."""
+        """Torque while it is active [N m], shape (n,)."""
         return self.stop.sense * values(("stop", self.stop.name, self.force_sensor))[:, 0]
 
     def connector_gap(self, output: Output, values: Values) -> float:
-        """From the constraint's equation, which includes its offset; the offset of a spring is its preload, no gap."""
+        """Gap by the connector's own measure at the current state [rad].
+
+        A constraint's equation includes its offset; the offset of a spring is its preload, and no gap.
+        """
         return -self.sense * float(output("Displacement" if self.spring else "ConstraintEquation"))
 
     def rounding(self, values: Values) -> float:
-        """Of two angles."""
+        """Rounding error of the gap [rad]."""
         return ROUNDING
 
 
@@ -93,35 +73,34 @@ class AngleLimit:
 class PointContact:
     """A stop on a point: a line of the ground that the point is on, without friction."""
 
+    force_sensor: ClassVar[str] = "ForceLocal"
+    sense: ClassVar[int] = 1
+
     stop: PointStop
     spring: Spring | None
 
-    @property
-    def sense(self) -> int:
-        """1: the connector is built along the normal."""
-        return 1
-
-    force_sensor: ClassVar[str] = "ForceLocal"
-
     def torque(self, values: Values) -> FloatArray:
-        """The connector's force along the normal; a constraint's comes in the body's frame."""
+        """Force along the normal while it is active [N], shape (n,); that of a constraint is in the body's frame."""
         force = values(("stop", self.stop.name, self.force_sensor))
         return force[:, 0] if self.spring else self._along_normal(force, values)
 
     def connector_gap(self, output: Output, values: Values) -> float:
-        """From the connector's displacement; a constraint's comes in the body's frame."""
+        """Gap by the connector's displacement at the current state [m]; that of a constraint is in the body's frame."""
         displacement = output("DisplacementLocal")
         if self.spring:
             return -float(displacement)
         return -float(self._along_normal(np.atleast_2d(displacement), values)[0])
 
     def rounding(self, values: Values) -> float:
-        """Of the point's position."""
+        """Rounding error of the gap [m]."""
         return ROUNDING * max(1.0, float(np.abs(values(("stop", self.stop.name, "Position"))).max()))
 
     def _along_normal(self, local: FloatArray, values: Values) -> FloatArray:
         rotation = values(("body", self.stop.body, "CoordinatesTotal"))[:, 2]
         return turned(local, rotation) @ np.array(self.stop.normal)
+
+
+UnilateralConstraint = AngleLimit | PointContact
 
 
 def gap(stop: AnyStop, values: Values) -> float:

@@ -9,6 +9,7 @@ step's length squared times an eighth of the gap's acceleration.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -155,31 +156,41 @@ class _Motion:
     def _onto_zero_torque(self, table: FloatArray, active: Contacts, name: str) -> tuple[float, FloatArray]:
         """When the torque of a stop is zero, near the last step of a table [s], and a table up to there.
 
-        The steps onto it start two steps back, so that they are longer than half a step wherever it lies. The
-        torque is that of the state, not the integrator's: a smooth function of the time, for the secant rule.
+        The torque is that of the state, not the integrator's: a smooth function of the time, for the secant rule.
         """
-        last = len(table) - 1
-        first = max(last - 2, 0)
-        begin = self.solver.state(table, first)
 
         def torque(rows: FloatArray, row: int) -> float:
             return self.solver.torque(self.solver.balance(self.solver.state(rows, row), active).row, name)
 
-        ends = [float(table[last - 1, 0]), float(table[last, 0])]
-        values = [torque(table, last - 1), torque(table, last)]
-        found = table
+        times, values = [float(table[-2, 0])], [torque(table, len(table) - 2)]
+
+        def secant(found: FloatArray) -> float:
+            times.append(float(found[-1, 0]))
+            values.append(torque(found, -1))
+            slope = (values[-1] - values[-2]) / (times[-1] - times[-2])
+            return times[-1] - values[-1] / slope if slope else times[-1]
+
+        return self._onto(table, active, secant)
+
+    def _onto(
+        self, table: FloatArray, active: Contacts, next_guess: Callable[[FloatArray], float]
+    ) -> tuple[float, FloatArray]:
+        """When something happens near the last step of a table [s], and a table up to there.
+
+        The steps onto it start two steps back, so that they are longer than half a step wherever it is; `next_guess`
+        gives its time from a table that ends near it.
+        """
+        last, first = len(table) - 1, max(len(table) - 3, 0)
+        begin, found = self.solver.state(table, first), table
         for _ in range(_MOST_PROBES):
-            slope = (values[-1] - values[-2]) / (ends[-1] - ends[-2])
-            end = min(ends[-1] - values[-1] / slope, float(table[last, 0])) if slope else ends[-1]
+            end = min(next_guess(found), float(table[last, 0]))
             if end - begin.t <= SAME_TIME:
                 return begin.t, table[: first + 1]
-            if abs(end - ends[-1]) <= _RESOLVED:
+            if abs(end - float(found[-1, 0])) <= _RESOLVED:
                 break
             rows = self.solver.run(begin, active, end, last - first)
             found = np.concatenate([table[: first + 1], rows[1:]])
-            ends.append(end)
-            values.append(torque(rows, -1))
-        return ends[-1], found
+        return float(found[-1, 0]), found
 
     def _pushing(self, state: State, touching: Contacts) -> Contacts:
         """Which of the touching stops push while the others open; those that open are released."""
@@ -238,26 +249,16 @@ class _UnilateralMotion(_Motion):
         """When the gap of a stop is zero, in the last steps of a table [s], and a table up to there.
 
         Newton's iteration from the far end: after a rebound lower than a step is long the gap is zero at both of its
-        ends, and the later one is the impact.
+        ends, and the later one is the impact. Where the gap grows, on the wrong side of a turn, half way back.
         """
-        last, first = len(table) - 1, max(len(table) - 3, 0)
-        begin, found = self.solver.state(table, first), table
-        for _ in range(_MOST_PROBES):
-            time = float(found[-1, 0])
-            end = self._newton(time, self._last(found), name, float(table[-1, 0]))
-            if end - begin.t <= SAME_TIME:
-                return begin.t, table[: first + 1]
-            if abs(end - time) <= _RESOLVED:
-                break
-            rows = self.solver.run(begin, active, end, last - first)
-            found = np.concatenate([table[: first + 1], rows[1:]])
-        return float(found[-1, 0]), found
+        stop, latest = self.mechanism.stop(name), float(table[-1, 0])
 
-    def _newton(self, time: float, values: Values, name: str, latest: float) -> float:
-        """The next guess of when a gap is zero [s]; half way back where the gap grows, on the wrong side of a turn."""
-        stop = self.mechanism.stop(name)
-        speed = gap_speed(stop, values)
-        return (time + latest) / 2 if speed >= 0 else min(time - gap(stop, values) / speed, latest)
+        def newton(found: FloatArray) -> float:
+            time, values = float(found[-1, 0]), self._last(found)
+            speed = gap_speed(stop, values)
+            return (time + latest) / 2 if speed >= 0 else time - gap(stop, values) / speed
+
+        return self._onto(table, active, newton)
 
     def _last(self, table: FloatArray) -> Values:
         return self.solver.values(table[-1])

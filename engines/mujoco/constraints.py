@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -21,41 +21,13 @@ from .reference_acceleration import ReferenceAccelerationCorrection
 mujoco: Any = importlib.import_module("mujoco")  # it carries no types
 
 
-class UnilateralConstraint(Protocol):
-    """One constraint row that only pushes; MuJoCo's softness lets it give way by R f / (k d) under a force f."""
-
-    def remove(self, model: Any) -> None:
-        """Remove it from the model."""
-        ...
-
-    def row(self, data: Any) -> int | None:
-        """Its row among the constraints that are present; None if it is out of reach."""
-        ...
-
-    def gap(self, model: Any, data: Any) -> float:
-        """Its gap as MuJoCo measures it [rad or m]; negative in penetration."""
-        ...
-
-    def activate(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection) -> None:
-        """Let it act at its current gap, without preload."""
-        ...
-
-    def deactivate(self, model: Any, correction: ReferenceAccelerationCorrection) -> None:
-        """Let it act in penetration only."""
-        ...
-
-    def preload(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection) -> None:
-        """If it pushes, make up for its softness: add R f, f its force, to its reference acceleration."""
-        ...
-
-    def torque(self, sensed: FloatArray, positions: FloatArray, model: Any) -> FloatArray:
-        """Its torque [N m] or force [N] from its sensor's values (n,) and the joints' positions (n, n_q)."""
-        ...
-
-
 @dataclass(frozen=True)
 class Limit:
-    """A stop on angles as the limit of a joint or of a tendon."""
+    """A stop on angles as the limit of a joint or of a tendon.
+
+    MuJoCo's constraints are soft: under a force f one gives way by R f / (k d), with its regularisation R, stiffness k
+    and impedance d.
+    """
 
     element: str
     """'jnt' or 'tendon', the prefix of the model's arrays."""
@@ -77,21 +49,21 @@ class Limit:
         return int(found[0]) if len(found) else None
 
     def gap(self, model: Any, data: Any) -> float:
-        """Its gap as MuJoCo measures its joint or tendon [rad]."""
+        """Its gap as MuJoCo measures its joint or tendon [rad]; negative in penetration."""
         on_tendon = self.element == "tendon"
         value = data.ten_length[self.index] if on_tendon else data.qpos[model.jnt_qposadr[self.index]]
         return float((1 - 2 * self.end) * (value - self.range[self.end]))
 
     def activate(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection) -> None:
-        """Set its margin just above the current gap."""
+        """Let it act at its current gap, without preload: its margin is set just above the gap."""
         self._set_margin(model, self.gap(model, data) + MARGIN)
 
     def deactivate(self, model: Any, correction: ReferenceAccelerationCorrection) -> None:
-        """Set its margin to zero."""
+        """Let it act in penetration only: its margin is set to zero."""
         self._set_margin(model, 0.0)
 
     def preload(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection) -> None:
-        """By its margin: the reference acceleration k d (margin - gap) is then R f."""
+        """If it pushes, make up for its softness by its margin: the acceleration k d (margin - gap) is then R f."""
         row = self.row(data)
         if row is not None and data.efc_force[row] > 0:
             stiffness, _, impedance, _ = data.efc_KBIP[row]
@@ -102,7 +74,10 @@ class Limit:
         getattr(model, f"{self.element}_margin")[self.index] = margin
 
     def torque(self, sensed: FloatArray, positions: FloatArray, model: Any) -> FloatArray:
-        """Its torque [N m]; where two stops are the ends of one range, the nearer one has the sensor's."""
+        """Its torque [N m] from its sensor's values (n,) and the joints' positions (n, n_q).
+
+        Where two stops are the ends of one range, the nearer one has the sensor's torque.
+        """
         if self.element == "tendon":
             return sensed
         value = positions[:, int(model.jnt_qposadr[self.index])]
@@ -112,7 +87,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class PointContact:
-    """A frictionless contact of a sphere with a plane: a stop on a point, or one side of a slot."""
+    """A frictionless contact of a sphere with a plane: a stop on a point, or one side of a slot; as :class:`Limit`."""
 
     index: int
     """Of the pair of geoms."""
@@ -144,7 +119,7 @@ class PointContact:
         correction.contacts[self.geoms] = 0.0
 
     def preload(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection) -> None:
-        """By the correction, not the margin: inner stages of a step may lift the sphere beyond a small margin."""
+        """As :meth:`Limit.preload`, by the correction: inner stages of a step may lift the sphere beyond a margin."""
         row = self.row(data)
         if row is not None and data.efc_force[row] > 0:
             correction.contacts[self.geoms] = float(data.efc_R[row] * data.efc_force[row])
@@ -152,6 +127,10 @@ class PointContact:
     def torque(self, sensed: FloatArray, positions: FloatArray, model: Any) -> FloatArray:
         """Its force [N], as the sensor gives it."""
         return sensed
+
+
+UnilateralConstraint = Limit | PointContact
+"""One constraint row that only pushes."""
 
 
 def stop_constraints(mechanism: Mechanism, model: Any) -> dict[str, UnilateralConstraint]:
