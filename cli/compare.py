@@ -56,7 +56,7 @@ def compare_command(
             store=Store(out / "trajectories", resume, out / "runs"),
             progress=lambda case, done, of: show(f"{case.model}: {case.label}", done, of),
         )
-    data, report = (out / "results.json", comparison.results.to_json()), document(comparison)
-    output.write_all(data, out / "report.html", report, "Report", current=comparison.repeated)
+    data = out / "results.json", comparison.results.to_json()
+    output.publish(data, document(comparison), out / "report.html", current=comparison.repeated)
     if not comparison.passed:
         raise typer.Exit(1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -38,13 +37,10 @@ def converge_command(
     """
     from ..comparisons.converge.report import document
     from ..comparisons.converge.study import converge
-    from ..comparisons.report import html, terminal
 
     machines = options.machines(models, options.parameters(assignments, beam))
     chosen = options.names(knobs, "--knobs") if knobs else None
     study = options.study(machines, engines, out, resume, timeout)
     with output.progress() as show:
         studies = converge(replace(study, progress=show), chosen)
-    report, data = document(studies), (out / "converge.json", studies.to_json())
-    page = out / "converge.html", partial(html.page, report)
-    output.write(data, page, partial(terminal.show, report), "Report")
+    output.publish((out / "converge.json", studies.to_json()), document(studies), out / "converge.html")

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from . import output
+
 
 def engines_command() -> None:
     """List the engines: installed or not, version, presets and capabilities."""
-    from ..comparisons.report import terminal
     from ..comparisons.report.document import Document, Listing, Text, table, words
     from ..engines.registry import engines
 
@@ -23,4 +24,4 @@ def engines_command() -> None:
     ]
     texts = (Text(f"{status.name}: {status.capabilities.formulation}") for status in engines().values())
     blocks = (table([words(title) for title in titles], rows), Listing(tuple(texts)))
-    terminal.show(Document("engines", blocks), terminal.console())
+    output.show(Document("engines", blocks))

@@ -43,5 +43,5 @@ def explain_command(
     study = options.study(machines, engines, out, resume, timeout, presets=presets, options=own)
     with output.progress(width=44) as show:
         explanation = explain(replace(study, progress=show))
-    report, data = document(explanation), (out / "explain.json", explanation.to_json())
-    output.write_all(data, out / "explain.html", report, "Page")
+    data = out / "explain.json", explanation.to_json()
+    output.publish(data, document(explanation), out / "explain.html", "Page")

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from ..comparisons.report.document import Document
     from ..comparisons.runs.study import Progress
-
-Page = Callable[[], str]
 
 
 @contextmanager
@@ -37,46 +32,38 @@ def progress(what: str = "reference", width: int = 40) -> Generator[Progress]:
         yield lambda part, done, of: bar.update(task, description=part, completed=done, total=of)
 
 
-def write_all(data: tuple[Path, str], page: Path, report: Document, called: str, *, current: bool = False) -> None:
-    """The same for results that are a document.
-
-    Raises:
-        InputError: the folder cannot be written to.
-    """
-    from ..comparisons.report import html, terminal
-
-    write(data, (page, partial(html.page, report)), partial(terminal.show, report), called, current=current)
-
-
-def write(
-    data: tuple[Path, str],
-    page: tuple[Path, Page] | None,
-    show: Callable[[Console], None],
-    called: str,
-    *,
-    current: bool = False,
+def publish(
+    data: tuple[Path, str], report: Document, page: Path | None = None, called: str = "Report", *, current: bool = False
 ) -> None:
-    """Write a command's data and its page, each whole or not at all, print its tables and say where the files are.
+    """Write a command's data and page, each whole or not at all, and show the report with the paths.
 
     Args:
         data: path and text.
-        page: path, and what makes the text; None: the command has none.
-        show: prints the results.
+        page: path of the report as a page; None: the command has none.
         called: what the page is called in the closing line.
-        current: nothing is new since the page was written, if the same data are on disk; it is left as it is.
+        current: nothing is new since the page was written; if the same data are on disk, both are left as they are.
 
     Raises:
         InputError: the folder cannot be written to.
     """
-    from ..comparisons.report.terminal import console
     from ..models.files import write_text
 
     path, text = data
-    current = current and page is not None and page[0].is_file() and path.is_file() and path.read_text("utf-8") == text
-    if not current:
+    written = (page is None or page.is_file()) and path.is_file() and path.read_text("utf-8") == text
+    if not (current and written):
         if page is not None:  # before the data: data on disk say that their page was written
-            write_text(page[0], page[1]())
+            from ..comparisons.report import html
+
+            write_text(page, html.page(report))
         write_text(path, text)
-    show(console())
-    report = f"{called}: {page[0]}   " if page is not None else ""
-    console().print(f"\n{report}Data: {path}", soft_wrap=True)
+    show(report, **({} if page is None else {called: page}), Data=path)
+
+
+def show(report: Document, **files: Path) -> None:
+    """Print a report, and in a closing line what was written."""
+    from ..comparisons.report import terminal
+
+    terminal.show(report, terminal.console())
+    if files:
+        line = "   ".join(f"{name}: {path}" for name, path in files.items())
+        terminal.console().print(f"\n{line}", soft_wrap=True)

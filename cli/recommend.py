@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -56,7 +55,6 @@ def recommend_command(
     from ..comparisons.recommend import Asked, recommend
     from ..comparisons.recommend.report import document
     from ..comparisons.recommend.target import read_torque
-    from ..comparisons.report import terminal
 
     if position is None and torque is None and release is None:
         raise InputError("nothing is asked; give at least one of --position, --torque and --release.")
@@ -67,4 +65,4 @@ def recommend_command(
     study = options.study([mechanism if own else model.strip()], engines, out, resume, timeout, parameters=parameters)
     with output.progress("references", 30) as show:
         advice = recommend(replace(study, progress=show), asked, neighbours)
-    output.write((out / "recommend.json", advice.to_json()), None, partial(terminal.show, document(advice)), "")
+    output.publish((out / "recommend.json", advice.to_json()), document(advice))

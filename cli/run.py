@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from . import options
+from . import options, output
 
 if TYPE_CHECKING:
     from ..models.mechanism import Mechanism
@@ -32,7 +32,6 @@ def run_command(
 
     trebucheck run --engine pymunk --preset stock --option iterations=30
     """
-    from ..comparisons.report import terminal
     from ..comparisons.report.run import document
     from ..engines.registry import engine as make
     from ..models.dataset import save
@@ -49,8 +48,7 @@ def run_command(
     refuse_unwritable(path.parent)
     trajectory = runner.simulate(problem)
     save(trajectory, path)
-    terminal.show(document(trajectory), terminal.console())
-    terminal.console().print(f"\nTrajectory: {path}", soft_wrap=True)
+    output.show(document(trajectory), Trajectory=path)
 
 
 def _to_launch(mechanism: Mechanism) -> float:

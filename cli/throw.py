@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from ..models.errors import InputError
 from . import options, output
-
-if TYPE_CHECKING:
-    from ..models.machines.parameters import TrebuchetParameters
-    from ..reference.throw.throw import Sensitivity
-
 
 ReleaseAngle = Annotated[
     float | None,
@@ -68,7 +63,9 @@ def throw_command(
     trebucheck throw --model rolling --sensitivities
     """
     from ..comparisons.throw.report import document
+    from ..comparisons.throw.study import sensitivities_of
     from ..models.files import refuse_unwritable
+    from ..models.machines.parameters import TrebuchetParameters
     from ..reference.throw.throw import perform
 
     chosen = options.parameters(assignments, beam)
@@ -87,15 +84,9 @@ def throw_command(
         "sling_angle": None if sling_angle is None else math.radians(sling_angle),
     }
     performance = perform(mechanism, release, best=best, density=density, drag_area=drag_area, body=body, height=height)
-    rows = _sensitivities(model, chosen.whipper(model.strip()), performance.throw.gravity) if sensitivities else ()
-    throw = performance.throw.model_copy(update={"sensitivities": rows})
-    report = document(performance, throw)
-    output.write_all((out / "throw.json", throw.to_json()), out / "throw.html", report, "Page")
-
-
-def _sensitivities(model: str, parameters: TrebuchetParameters | None, gravity: float) -> tuple[Sensitivity, ...]:
-    from ..comparisons.throw.study import sensitivities_of
-    from ..models.machines.parameters import TrebuchetParameters
-
-    here = (parameters or TrebuchetParameters()).model_copy(update={"g": gravity})
-    return sensitivities_of(model.strip(), here)
+    throw = performance.throw
+    if sensitivities:
+        here = (chosen.whipper(model.strip()) or TrebuchetParameters()).model_copy(update={"g": throw.gravity})
+        throw = throw.model_copy(update={"sensitivities": sensitivities_of(model.strip(), here)})
+    data = out / "throw.json", throw.to_json()
+    output.publish(data, document(performance, throw), out / "throw.html", "Page")
