@@ -21,10 +21,10 @@ from ..report.document import (
     Note,
     Table,
     Text,
+    columns,
     page_only,
     table,
     terminal_only,
-    words,
 )  # fmt: skip
 from ..report.numbers import format_number, format_step
 from ..report.provenance import provenance
@@ -249,13 +249,13 @@ def _uncertainty(machine: Machine) -> tuple[Block, ...]:
 
 
 def _equivalence(runs: Sequence[Run]) -> Table:
-    columns = [words("engine", wrap=False), *map(Column, _CHECKS), Column("states"), words("verdict")]
     rows = [
         (run.label, *(_check(run.equality, kind) for kind in _CHECKS), run.equality.states, _equal(run.equality))
         for run in runs
         if run.equality is not None
     ]
-    return table(columns, rows, "Largest relative differences of the built models to the reference's equations", "page")
+    caption = "Largest relative differences of the built models to the reference's equations"
+    return table(["engine", *_CHECKS, "states", "verdict"], rows, caption, "page")
 
 
 def _check(equality: Equality, kind: str) -> Cell:
@@ -274,22 +274,16 @@ def _equal(equality: Equality) -> Cell:
 
 
 def _agreement(machine: Machine, runs: Sequence[Run]) -> Table:
-    columns = (
-        words("engine", wrap=False),
-        Column("step", "s"),
-        *(quantity.column for quantity in QUANTITIES),
-        Column("wall", "s"),
-        Column("steps", medium="page"),
-        words("outcome", medium="page"),
-        words("", medium="terminal"),
-    )
+    quantities = (quantity.column for quantity in QUANTITIES)
+    end = (*columns("wall [s] | (steps) | (outcome)"), Column("", medium="terminal"))
+    heads = (*columns("engine | step [s]"), *quantities, *end)
     launch = (
         "no launch"
         if machine.launch_time is None or machine.launch_speed is None
         else f"launch {machine.launch_time:.4f} s, {machine.launch_speed:.3f} m/s"
     )
     caption = f"{machine.model}: largest differences to the reference ({launch})"
-    return table(columns, map(_agreement_row, runs), caption)
+    return table(heads, map(_agreement_row, runs), caption)
 
 
 def _agreement_row(run: Run) -> tuple[object, ...]:
@@ -315,13 +309,6 @@ def _pairs(pairs: Sequence[Pair]) -> tuple[Block, ...]:
 
 
 def _pair_table(pairs: Iterable[Pair], caption: str, medium: Medium) -> Table:
-    columns = (
-        words("first", wrap=False),
-        words("second", wrap=False),
-        Column("projectile", "m", short="position"),
-        Column("release", "s"),
-        Column("launch speed", "m/s", short="speed"),
-    )
     rows = (
         (
             pair.first,
@@ -332,7 +319,7 @@ def _pair_table(pairs: Iterable[Pair], caption: str, medium: Medium) -> Table:
         )
         for pair in pairs
     )
-    return table(columns, rows, caption, medium)
+    return table("first | second | position [m] | release [s] | speed [m/s]", rows, caption, medium)
 
 
 def _matrix(pairs: Sequence[Pair]) -> Table:
@@ -344,12 +331,11 @@ def _matrix(pairs: Sequence[Pair]) -> Table:
         for row in labels[:-1]
     ]
     caption = "Largest distance between the two projectiles [m]"
-    return table([words("engine", wrap=False), *map(Column, labels[1:])], rows, caption, "page")
+    return table(["engine", *labels[1:]], rows, caption, "page")
 
 
 def _metrics(run: Run) -> Table:
-    columns = (words("metric"), Column("value"), words("unit"), Column("tolerance"), words("reason"))
-    return table(columns, [_metric_row(metric) for metric in run.metrics], run.label)
+    return table("metric | value | unit | tolerance | reason", map(_metric_row, run.metrics), run.label)
 
 
 def _metric_row(metric: Metric) -> tuple[object, ...]:

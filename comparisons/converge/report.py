@@ -21,10 +21,10 @@ from ..report.document import (
     Row,
     Table,
     Text,
+    columns,
     row,
     table,
     terminal_only,
-    words,
 )  # fmt: skip
 from ..report.numbers import format_number, format_settings
 from ..report.provenance import provenance
@@ -120,25 +120,15 @@ def _chapter(machine: MachineStudies) -> Iterator[Block]:
 
 
 def _orders(machine: MachineStudies, studies: Sequence[Study]) -> Table:
-    columns = (
-        words("engine", wrap=False),
-        words("quantity", medium="page"),
-        Column("expected", medium="page"),
-        words("order"),
-        words("range [s]"),
-        words("floor"),
-        words("set by"),
-        words("limit to reference"),
-        Column("its own error", "m", medium="page"),
-        Column("finest level", "s", medium="page"),
-    )
+    heads = "engine | (quantity) | (expected) | order | range [s] | floor | set by | limit to reference "
+    heads += "| (its own error [m]) | (finest level [s])"
     rows = [
         row(_first(curve, study.label), curve.quantity, *law, *_limit(machine, study, curve), medium=_medium(curve))
         for study in studies
         for curve in study.curves
         for law in [_law(study, curve)]
     ]
-    return table(columns, rows, f"{machine.model}: order of the position's error in the time step, 95 % confidence")
+    return table(heads, rows, f"{machine.model}: order of the position's error in the time step, 95 % confidence")
 
 
 def _medium(curve: Curve) -> Medium:
@@ -175,21 +165,14 @@ def _limit(machine: MachineStudies, study: Study, curve: Curve) -> tuple[str, st
 
 
 def _floors(studies: Sequence[Study]) -> Table:
-    columns = (
-        words("engine", wrap=False),
-        words("quantity"),
-        Column("floor"),
-        Column("at", "s"),
-        words("cause"),
-        words("measured there: share of the error that is left"),
-    )
+    heads = "engine | quantity | floor | at [s] | cause | measured there: share of the error that is left"
     rows = [
         (study.label, curve.quantity, _law(study, curve)[3], format_number(floor.value), floor.cause, floor.evidence)
         for study in studies
         for curve in study.curves
         if (floor := curve.floor) is not None
     ]
-    return table(columns, rows, "Floors and their causes")
+    return table(heads, rows, "Floors and their causes")
 
 
 def _limits(machine: MachineStudies) -> Iterator[Block]:
@@ -206,31 +189,25 @@ def _limits(machine: MachineStudies) -> Iterator[Block]:
         yield Fold("All pairs, stock presets among them", (_pairs(machine.pairs, "All pairs"),))
 
 
-def _pairs(pairs: Sequence[LimitPair], caption: str, before: Sequence[Row] = (), medium: Medium = "any") -> Table:
+def _pairs(pairs: Sequence[LimitPair], caption: str, before: Sequence[Row] = ()) -> Table:
     rows = [*before, *(row(pair.first, pair.second, format_number(pair.position)) for pair in pairs)]
-    columns = (words("first", wrap=False), words("second", wrap=False), Column("position", "m"))
-    return table(columns, rows, caption, medium)
+    return table("first | second | position [m]", rows, caption)
 
 
 def _laws(machine: MachineStudies, studies: Sequence[Study]) -> Table:
-    columns = (
-        words("engine", wrap=False),
-        words("swept parameter", medium="page"),
-        words("parameter", wrap=False, medium="terminal"),
-        words("quantity", medium="page"),
-        words("expected"),
-        words("exponent"),
-        words("range"),
-        words("what is left"),
-        words("set by"),
-    )
+    parameter = Column("parameter", medium="terminal", wrap=False)
+    laws = columns("(quantity) | expected | exponent | range | what is left | set by")
     rows = [
         row(*(_first(curve, name) for name in names), curve.quantity, *_law(study, curve), medium=_medium(curve))
         for study in studies
         for names in [(study.label, study.title, str(study.base.get("integrator", study.knob)))]
         for curve in study.curves
     ]
-    return table(columns, rows, f"{machine.model}: other swept parameters, exponent of the position's error")
+    return table(
+        (*columns("engine | (swept parameter)"), parameter, *laws),
+        rows,
+        f"{machine.model}: other swept parameters, exponent of the position's error",
+    )
 
 
 def _about(study: Study) -> str:
@@ -248,17 +225,9 @@ def _about(study: Study) -> str:
 
 
 def _points(study: Study, force_unit: str) -> Table:
-    own = (Column("of the parameter", "m"), Column("of the parameter", force_unit)) if study.own else ()
-    columns = (
-        Column(study.title, study.unit),
-        words("options"),
-        Column("position", "m"),
-        Column("torque", force_unit),
-        *own,
-        Column("steps"),
-        Column("wall", "s"),
-    )
-    return table(columns, [_point(study, point) for point in study.points], f"{study.label}: {study.title}", "page")
+    own = f"| of the parameter [m] | of the parameter [{force_unit}]" if study.own else ""
+    heads = f"{study.title} [{study.unit}] | options | position [m] | torque [{force_unit}] {own} | steps | wall [s]"
+    return table(heads, [_point(study, point) for point in study.points], f"{study.label}: {study.title}", "page")
 
 
 def _point(study: Study, point: Point) -> tuple[object, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 from ..report.document import (
     Block,
@@ -14,15 +15,16 @@ from ..report.document import (
     Fold,
     Heading,
     Listing,
+    Medium,
     Note,
     Row,
     Table,
     Text,
+    columns,
     page_only,
     row,
     table,
     terminal_only,
-    words,
 )  # fmt: skip
 from ..report.numbers import format_number, format_percent
 from ..report.provenance import provenance
@@ -30,9 +32,8 @@ from .plots import bars, main_quantities
 from .results import Budget, Change, Explanation, Figures, Machine, Measurement, Quantity, StockAgainstTuned
 
 _FEW = 1e-3  # shares below this are left out in the terminal; the page's tables have them all
-_FIGURES = (("position", "m", "position"), ("torque", "N m", "torque"), ("release", "s", "release"),
-            ("wall", "s", "wall_time"))  # fmt: skip
-"""Title, unit and field of each value of a setting."""
+_FIELDS = ("position", "torque", "release", "wall_time")
+"""Values of a setting, in the order of their columns."""
 
 _INTRODUCTION = (
     "Each engine's distance from the reference, split among its causes. Nothing is assigned by guess: a cause's share "
@@ -112,7 +113,6 @@ def _chapter(explanation: Explanation, machine: Machine) -> Iterator[Block]:
 
 def _summary(machine: Machine, budgets: Iterable[Budget]) -> Table:
     """The budgets in short, for the terminal."""
-    columns = (words("engine", wrap=False), words("error of", wrap=False), Column("rms"), Column("explained"))
     rows = [
         (
             budget.label if i == 0 else "",
@@ -124,7 +124,8 @@ def _summary(machine: Machine, budgets: Iterable[Budget]) -> Table:
         for budget in budgets
         for i, quantity in enumerate(main_quantities(budget))
     ]
-    return table((*columns, words("causes")), rows, f"{machine.model}: where the errors come from", "terminal")
+    caption = f"{machine.model}: where the errors come from"
+    return table("engine | error of | rms | explained | causes", rows, caption, "terminal")
 
 
 def _leading_causes(quantity: Quantity) -> str:
@@ -172,8 +173,8 @@ def _at(step: float | None) -> str:
 
 
 def _measurements(budget: Budget, quantities: Sequence[Quantity]) -> Table:
-    columns = [words("cause", wrap=False), words("what was done")]
-    columns += [
+    heads = [*columns("cause | what was done")]
+    heads += [
         Column(title, group=f"{quantity.name} [{quantity.unit}]")
         for quantity in quantities
         for title in ("in order", "in reverse", "share", "rms")
@@ -190,7 +191,7 @@ def _measurements(budget: Budget, quantities: Sequence[Quantity]) -> Table:
         if cause.name == "roundoff":
             text = f"{cause.explanation}.\n{cause.done}; in the run, and in what is left"
             rows.append(row(cause.name, text, *_roundoff(quantities)))
-    return table(columns, rows, "Shares of the error, and how they were measured")
+    return table(heads, rows, "Shares of the error, and how they were measured")
 
 
 def _done(cause: Measurement) -> str:
@@ -211,22 +212,21 @@ def _roundoff(quantities: Iterable[Quantity]) -> Iterator[str]:
 
 def _other_shares(quantities: Sequence[Quantity]) -> Table:
     """Quantities that are single values; all have the same causes."""
-    columns = [Column(f"{q.name}: {format_number(q.rms)} {q.unit}") for q in quantities]
+    heads = [f"{q.name}: {format_number(q.rms)} {q.unit}" for q in quantities]
     all_shares = [(*quantity.shares, quantity.rest) for quantity in quantities]
     causes = [*(share.cause for share in quantities[0].shares), "unexplained"]
     rows = [(cause, *(format_percent(shares[i].fraction) for shares in all_shares)) for i, cause in enumerate(causes)]
-    return table([words("share of the error in", wrap=False), *columns], rows, "Other quantities")
+    return table(["share of the error in", *heads], rows, "Other quantities")
 
 
 def _changes(comparison: StockAgainstTuned) -> Table:
     """The presets and each option's change; the page has values with their factors, the terminal one of the two."""
-    columns = [words("setting", wrap=False, medium="page"), words("setting", wrap=False, medium="terminal")]
-    for title, unit, field in _FIGURES:
-        if field == "torque":
-            title, unit = "force" if comparison.force_unit == "N" else title, comparison.force_unit  # noqa: PLW2901
-        columns += [Column(title, unit, medium="page"), Column(title, unit, medium="terminal")]
+    force = "force [N]" if comparison.force_unit == "N" else f"torque [{comparison.force_unit}]"
+    heads = columns(f"setting | position [m] | {force} | release [s] | wall [s]")
+    media: tuple[Medium, ...] = ("page", "terminal")
+    both = [replace(head, medium=medium, wrap=False) for head in heads for medium in media]
     caption = f"{comparison.model}, {comparison.engine}{_at(comparison.timestep)}: what each option buys"
-    return table(columns, _change_rows(comparison), f"{caption} (÷ smaller, × larger)")
+    return table(both, _change_rows(comparison), f"{caption} (÷ smaller, × larger)")
 
 
 def _change_rows(comparison: StockAgainstTuned) -> Iterator[Row]:
@@ -246,7 +246,7 @@ def _values(figures: Figures, against: Figures, *, preset: bool = False) -> Iter
     if figures.message:
         yield Cell("failed", "warning", detail=figures.message)
         return
-    for *_, field in _FIGURES:
+    for field in _FIELDS:
         value, before = getattr(figures, field), getattr(against, field)
         factor = "" if figures is against else _factor(before, value)
         yield Cell(format_number(value), detail=factor)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from ...reference.certification.certificate import Certificate, Figure
-from .document import Column, Document, Listing, Table, Text, table, words
+from .document import Document, Listing, Table, Text, table
 
 
 def certified_figures(figures: Iterable[Figure], caption: str) -> Table:
     """One line a figure: value, uncertainty, unit."""
-    columns = (words("figure"), Column("value"), Column("uncertainty"), words("unit"))
-    return table(columns, [(figure.label, *figure.texts, figure.unit) for figure in figures], caption)
+    rows = [(figure.label, *figure.texts, figure.unit) for figure in figures]
+    return table("figure | value | uncertainty | unit", rows, caption)
 
 
 def document(certificate: Certificate) -> Document:

@@ -8,6 +8,7 @@ folds always are.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -86,21 +87,42 @@ class Column:
     """A column of a table.
 
     `short` is the title in a terminal, where that has to be another; neighbours of one `group` share a heading on the
-    page; `wrap` allows texts of several lines.
+    page. What is None follows from the cells: numbers stand to the right, and texts with spaces may be wrapped.
     """
 
     title: str
     unit: str = ""
-    align: Literal["left", "right"] = "right"
+    align: Literal["left", "right"] | None = None
     short: str = ""
     group: str = ""
-    wrap: bool = False
+    wrap: bool | None = None
     medium: Medium = "any"
 
     @property
     def heading(self) -> str:
         """Title and unit; a pure number has none."""
         return f"{self.title} [{self.unit}]".lstrip() if self.unit not in ("", "1") else self.title
+
+    def laid_out(self, number: int, cells: Sequence[str]) -> Column:
+        """With alignment and wrapping by its cells, and the first column, which names the rows, to the left."""
+        values = [_NUMBER.match(cell) is not None for cell in cells if cell not in ("", "–")]
+        align = "left" if number == 0 or 2 * sum(values) < len(values) else "right"
+        wrap = number > 0 and any(" " in cell for cell in cells)
+        return replace(self, align=self.align or align, wrap=wrap if self.wrap is None else self.wrap)
+
+
+_NUMBER = re.compile(r"[-+÷×<]?\s?\d")
+
+
+def columns(titles: str, medium: Medium = "any") -> tuple[Column, ...]:
+    """Columns from a line like "engine | step [s] | (steps)"; those in round brackets are for the page only."""
+    parts = (part.strip() for part in titles.split("|"))
+    return tuple(_column(part[1:-1], "page") if part.startswith("(") else _column(part, medium) for part in parts)
+
+
+def _column(title: str, medium: Medium = "any") -> Column:
+    text, _, unit = title.partition(" [")
+    return Column(text, unit.removesuffix("]"), medium=medium)
 
 
 def words(title: str, *, wrap: bool = True, medium: Medium = "any") -> Column:
@@ -162,18 +184,21 @@ class Table:
 
 
 def table(
-    columns: Sequence[Column | str],
+    heads: str | Sequence[Column | str],
     rows: Iterable[Row | Sequence[object]],
     caption: str = "",
     medium: Medium = "any",
 ) -> Table:
-    """A table from plain values: a cell is a `Cell` or a value that `format_value` shows, a column may be its title."""
-    return Table(
-        tuple(column if isinstance(column, Column) else Column(column) for column in columns),
-        tuple(each if isinstance(each, Row) else row(*each) for each in rows),
-        caption,
-        medium,
-    )
+    """A table from plain values: a cell is a `Cell` or a value that `format_value` shows.
+
+    The heads are columns or their titles, or all titles in a line, as `columns` reads them.
+    """
+    if isinstance(heads, str):
+        heads = columns(heads)
+    made = [head if isinstance(head, Column) else _column(head) for head in heads]
+    body = tuple(each if isinstance(each, Row) else row(*each) for each in rows)
+    cells = [[r.cells[i].text for r in body if len(r.cells) == len(made)] for i in range(len(made))]
+    return Table(tuple(column.laid_out(i, cells[i]) for i, column in enumerate(made)), body, caption, medium)
 
 
 def row(*values: object, anchor: str = "", medium: Medium = "any") -> Row:

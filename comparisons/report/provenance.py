@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from ...models.mechanism import Mechanism
 from ..runs.results import ResultFile
-from .document import Block, Code, Fold, Heading, Note, page_only, table, words
+from .document import Block, Code, Fold, Heading, Note, table
 from .numbers import format_settings
 
 Settings = tuple[str, str, str, Mapping[str, object]]
@@ -18,12 +18,11 @@ def provenance(
 ) -> tuple[Block, ...]:
     """Versions, the settings of each run, and each machine's mechanism."""
     software = f"trebucheck {result.trebucheck_version}, Python {result.python_version}, {result.platform}."
-    columns = (words("machine", wrap=False), words("engine", wrap=False), words("version"), words("settings"))
     rows = [(model, label, version, format_settings(settings)) for model, label, version, settings in runs]
     return (
         Heading("Provenance", 2),
         Note(software),
-        page_only(table(columns, rows, "Settings of every run")),
+        table("machine | engine | version | settings", rows, "Settings of every run", "page"),
         *(mechanism_as_data(model, mechanism) for model, mechanism in mechanisms),
     )
 

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...models.trajectory import Trajectory
-from .document import Column, Document, table, words
+from .document import Document, table
 
 
 def document(trajectory: Trajectory) -> Document:
     """What one run found."""
     provenance = trajectory.provenance
     title = f"{trajectory.mechanism.name}, {provenance.engine} {provenance.preset} ({provenance.engine_version})"
-    return Document(title, (table((words("", wrap=False), Column("", wrap=True)), _quantities(trajectory), title),))
+    return Document(title, (table("|", _quantities(trajectory), title),))
 
 
 def _quantities(trajectory: Trajectory) -> Iterator[tuple[str, str]]:

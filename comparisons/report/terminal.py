@@ -78,7 +78,7 @@ def _table(block: Table) -> rich_table.Table:
     )
     columns = block.columns_in("terminal")
     for column in columns:
-        drawn.add_column(_heading(column), justify=column.align, no_wrap=not column.wrap)
+        drawn.add_column(_heading(column), justify=column.align or "left", no_wrap=not column.wrap)
     for _, cells in block.rows_in("terminal"):
         drawn.add_row(*(Styled(cell.text, style=_STYLES[cell.mark]) for cell, _ in cells))
     return drawn

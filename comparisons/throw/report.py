@@ -12,7 +12,6 @@ from ...reference.throw.throw import FlightFigures, LaunchFigures, Performance, 
 from ...version import __version__
 from ..report.document import (
     Cell,
-    Column,
     Document,
     Figure,
     Heading,
@@ -24,7 +23,6 @@ from ..report.document import (
     row,
     table,
     terminal_only,
-    words,
 )  # fmt: skip
 from ..report.numbers import sentence
 from ..report.provenance import mechanism_as_data
@@ -36,7 +34,7 @@ _Row = tuple[str, str]
 def document(performance: Performance, throw: Throw) -> Document:
     """All values, warnings and pictures; `throw` is the performance's own, with sensitivities if wanted."""
     title = _title(throw)
-    values = table((words("", wrap=False), Column("", wrap=True)), _rows(throw), title)
+    values = table("|", _rows(throw), title)
     measured = (
         f"Computed by the Lagrangian reference. Positions are measured from where the {origin_name(throw.mechanism)} "
         "stands at the start; SI units."
@@ -183,10 +181,9 @@ def _force_at(force: float, time: float) -> str:
 
 
 def _sensitivities(sensitivities: tuple[Sensitivity, ...]) -> Table:
-    units = (("speed", "m/s per unit"), ("range", "m per unit"), ("speed", "m/s per %"), ("range", "m per %"))
-    columns = (words("by", wrap=False), Column("value"), *(Column(title, unit) for title, unit in units))
+    heads = "by | value | speed [m/s per unit] | range [m per unit] | speed [m/s per %] | range [m per %]"
     caption = "Sensitivities of the launch at 45 deg, flight without drag"
-    return table(columns, map(_sensitivity_row, sensitivities), caption)
+    return table(heads, map(_sensitivity_row, sensitivities), caption)
 
 
 def _sensitivity_row(each: Sensitivity) -> tuple[str, ...]:
