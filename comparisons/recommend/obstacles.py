@@ -1,4 +1,4 @@
-"""What stands in the way, read off an error's course over the steps: nothing here knows any engine."""
+"""What stands in the way, read off the errors over the steps: nothing here knows any engine."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .results import Obstacle
-from .search import Course, Follower, Place
+from .search import Case, Search, Sweep
 
 _RISES = 2.0  # times the least error: more than an error that merely scatters with where a release falls in a step
 _FLAT = 1.5  # times the least error: within it, it does not depend on the step
@@ -76,33 +76,33 @@ def _slope(points: Sequence[tuple[float, float]]) -> float:
     return float(np.polyfit(logs[:, 0], logs[:, 1], 1)[0])
 
 
-def explain(follower: Follower, courses: Sequence[Course]) -> Verdict:
+def explain(search: Search, sweeps: Sequence[Sweep]) -> Verdict:
     """Why none of an engine's sets reaches what is asked: by the best of them, on the machine it did worst on.
 
     The whole ladder of steps is measured for it.
     """
-    course = min(courses, key=lambda course: course.best.worst)
-    rung = course.best
-    place = follower.places[rung.hardest]
-    messages = [trial.message for rung in course.rungs.values() for trial in rung.trials.values() if trial.message]
-    if not math.isfinite(rung.worst):
+    sweep = min(sweeps, key=lambda sweep: sweep.best.worst)
+    level = sweep.best
+    case = search.cases[level.hardest]
+    messages = [trial.message for level in sweep.levels.values() for trial in level.trials.values() if trial.message]
+    if not math.isfinite(level.worst):
         return Verdict(Obstacle.FAILURE, messages[0] if messages else "a stop does not release")
-    measured = follower.over_the_ladder(course, rung.hardest)
-    steps, errors = [h for h, _ in measured], [place.errors(trial) for _, trial in measured]
-    found = place.errors(rung.trials[rung.hardest])
+    measured = search.over_all_steps(sweep, level.hardest)
+    steps, errors = [h for h, _ in measured], [case.errors(trial) for _, trial in measured]
+    found = case.errors(level.trials[level.hardest])
     # The quantity that is furthest off; two of them have two causes, but the first must go before the second shows.
-    name = max(place.allowed, key=lambda name: found[name] / place.allowed[name])
+    name = max(case.allowed, key=lambda name: found[name] / case.allowed[name])
     along = [error[name] for error in errors]
-    verdict = classify(steps, along, place.allowed[name], place.unit(name))
-    least, step = min([(found[name], rung.step), *zip(along, steps, strict=True)])
-    reached = _reached(course, place, name, least, step, rung.hardest)
+    verdict = classify(steps, along, case.allowed[name], case.unit(name))
+    least, step = min([(found[name], level.step), *zip(along, steps, strict=True)])
+    reached = _reached(sweep, case, name, least, step, level.hardest)
     return Verdict(verdict.obstacle, f"{reached}; {verdict.sentence}.")
 
 
-def _reached(course: Course, place: Place, name: str, error: float, step: float, index: int) -> str:
+def _reached(sweep: Sweep, case: Case, name: str, error: float, step: float, index: int) -> str:
     where = "this machine" if index == 0 else "its hardest neighbour"
-    unit, allowed = place.unit(name), place.allowed[name]
+    unit, allowed = case.unit(name), case.allowed[name]
     return (
-        f"the best, {course.options.name!r} at {step:g} s, has an error of the {name} of {error:.1e} {unit} on {where}"
+        f"the best, {sweep.options.name!r} at {step:g} s, has an error of the {name} of {error:.1e} {unit} on {where}"
         f", where {allowed:.1e} {unit} are asked"
     )

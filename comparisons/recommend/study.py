@@ -20,7 +20,7 @@ from . import neighbours as around
 from .candidates import ladder, option_sets
 from .obstacles import explain
 from .results import Advice, Attempt, Choice, EngineAdvice, Errors, NeighbourMachine
-from .search import HARDEST, Course, Follower, Place, Rung
+from .search import HARDEST, Case, Level, Search, Sweep
 from .snippets import snippets
 from .target import Asked, refuse_what_cannot_be_judged
 
@@ -31,7 +31,7 @@ _DRAWS = 10  # to a neighbour: some do not launch
 
 @dataclass(frozen=True)
 class _Family:
-    places: tuple[Place, ...]
+    cases: tuple[Case, ...]
     """The machine asked about first."""
     neighbours: tuple[NeighbourMachine, ...]
     varied: str
@@ -64,18 +64,18 @@ def recommend(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advic
     names = study.measured_engines
     with study.worker() as worker:
 
-        def place(mechanism: Mechanism) -> Place:
-            return Place(Trials(mechanism, worker, study.store, curves=False), asked)
+        def case(mechanism: Mechanism) -> Case:
+            return Case(Trials(mechanism, worker, study.store, curves=False), asked)
 
-        family = _family(model, study, neighbours, place)
+        family = _family(model, study, neighbours, case)
         sets = {name: option_sets(name) if engine_class(name).is_installed() else () for name in names}
         count = Counter(sum(map(len, sets.values())), study.progress)
         advice = tuple(_advice(name, sets[name], family, count) for name in names)
     return _whole(family, asked, advice)
 
 
-def _family(model: str | Mechanism, study: Study, count: int, place: Callable[[Mechanism], Place]) -> _Family:
-    own = place(study.mechanisms[0])
+def _family(model: str | Mechanism, study: Study, count: int, case: Callable[[Mechanism], Case]) -> _Family:
+    own = case(study.mechanisms[0])
     refuse_what_cannot_be_judged(own.asked, own.trials.solution, own.trials.end)
     if isinstance(model, str):
         source = around.of_parameters(model, study.parameters)
@@ -85,19 +85,19 @@ def _family(model: str | Mechanism, study: Study, count: int, place: Callable[[M
         source = around.of_mechanism(model)
         varied = f"masses up to {around.MASS:g} times, gravity up to {around.GRAVITY:g} times (or as many times less)"
         varied += "; its geometry was not varied"
-    places, rows = [own], list[NeighbourMachine]()
-    for launching, made_with in islice(_launching(islice(source, _DRAWS * count), place), count):
-        places.append(launching)
+    cases, rows = [own], list[NeighbourMachine]()
+    for launching, made_with in islice(_launching(islice(source, _DRAWS * count), case), count):
+        cases.append(launching)
         rows.append(NeighbourMachine(made_with=made_with, mechanism_hash=launching.trials.mechanism.content_hash))
-    return _Family(tuple(places), tuple(rows), varied, _words(model, study.parameters))
+    return _Family(tuple(cases), tuple(rows), varied, _words(model, study.parameters))
 
 
 def _launching(
-    source: Iterator[around.Neighbour], place: Callable[[Mechanism], Place]
-) -> Iterator[tuple[Place, dict[str, float]]]:
+    source: Iterator[around.Neighbour], case: Callable[[Mechanism], Case]
+) -> Iterator[tuple[Case, dict[str, float]]]:
     for mechanism, made_with in source:
         try:
-            yield place(mechanism), made_with
+            yield case(mechanism), made_with
         except TrebucheckError:
             continue  # it does not launch: then it is no trebuchet
 
@@ -115,48 +115,48 @@ def _advice(name: str, sets: tuple[OptionSet, ...], family: _Family, count: Coun
     version = engine_class(name).version()
     if not sets:
         return EngineAdvice(engine=name, engine_version=version, choice=None, message=f"{name} is not installed here.")
-    mechanism = family.places[0].trials.mechanism
-    follower = Follower(name, family.places, ladder(characteristic_time(mechanism)))
-    courses: list[Course] = []
+    mechanism = family.cases[0].trials.mechanism
+    search = Search(name, family.cases, ladder(characteristic_time(mechanism)))
+    sweeps: list[Sweep] = []
     for options in reversed(sets):  # the most accurate first: what the others may cost follows from it
         count.start(f"{name}: {options.name}")
-        courses.insert(0, follower.follow(options))
-    chosen = follower.chosen(courses)
-    attempts = tuple(map(_attempt, courses))
+        sweeps.insert(0, search.sweep(options))
+    chosen = search.chosen(sweeps)
+    attempts = tuple(map(_attempt, sweeps))
     base = EngineAdvice(engine=name, engine_version=version, choice=None, attempts=attempts)
     if chosen is None:
-        verdict = explain(follower, courses)
+        verdict = explain(search, sweeps)
         return base.model_copy(update={"obstacle": verdict.obstacle, "message": verdict.sentence})
-    choice = _choice(family.places, *chosen)
+    choice = _choice(family.cases, *chosen)
     texts = snippets(name, mechanism, choice.preset, chosen[0].options.all_options(choice.step), family.words)
     return base.model_copy(update={"choice": choice, "snippets": texts})
 
 
-def _attempt(course: Course) -> Attempt:
-    reached, best = course.reached, course.best
+def _attempt(sweep: Sweep) -> Attempt:
+    reached, best = sweep.reached, sweep.best
     return Attempt(
-        options=course.options.name,
-        words=course.options.description,
+        options=sweep.options.name,
+        words=sweep.options.description,
         step=reached.step if reached else None,
         wall_time=reached.trials[0].wall_times[0] if reached else None,
-        steps_tried=tuple(sorted(course.rungs, reverse=True)),
+        steps_tried=tuple(sorted(sweep.levels, reverse=True)),
         worst=best.worst if math.isfinite(best.worst) else None,
-        note=course.note,
+        note=sweep.note,
     )
 
 
-def _choice(places: tuple[Place, ...], course: Course, rung: Rung, repeated: Trial) -> Choice:
+def _choice(cases: tuple[Case, ...], sweep: Sweep, level: Level, repeated: Trial) -> Choice:
     walls = sorted(repeated.wall_times)
-    others = [places[i].described(trial) for i, trial in rung.trials.items() if i != 0]
-    options = course.options.all_options(rung.step)
+    others = [cases[i].described(trial) for i, trial in level.trials.items() if i != 0]
+    options = sweep.options.all_options(level.step)
     return Choice(
-        options=course.options.name,
-        words=course.options.description,
-        preset=course.options.preset,
+        options=sweep.options.name,
+        words=sweep.options.description,
+        preset=sweep.options.preset,
         changes={key: list(value) if isinstance(value, tuple) else value for key, value in options.items()},
         settings=repeated.settings,
-        step=rung.step,
-        here=places[0].described(rung.trials[0]),
+        step=level.step,
+        here=cases[0].described(level.trials[0]),
         worst_neighbour=_worst(others) if others else None,
         wall_time=walls[len(walls) // 2],
         wall_times=repeated.wall_times,
@@ -174,7 +174,7 @@ def _worst(measured: list[Errors]) -> Errors:
 
 
 def _whole(family: _Family, asked: Asked, advice: tuple[EngineAdvice, ...]) -> Advice:
-    mechanism, count = family.places[0].trials.mechanism, len(family.neighbours)
+    mechanism, count = family.cases[0].trials.mechanism, len(family.neighbours)
     return Advice.made_here(
         model=mechanism.name,
         mechanism=mechanism,

@@ -13,7 +13,7 @@ import pytest
 import trebucheck as tb
 from trebucheck.comparisons.recommend import Advice, Asked, recommend
 from trebucheck.comparisons.recommend.candidates import option_sets
-from trebucheck.comparisons.recommend.search import Place
+from trebucheck.comparisons.recommend.search import Case
 from trebucheck.comparisons.recommend.snippets import snippets
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Trials
@@ -64,7 +64,7 @@ def test_recommended_settings_hold_on_other_machines(name: str, model: str) -> N
     choice = advice(model, name).engine(name).choice
     assert choice is not None
     engine = tb.engine(name, choice.preset, **choice.changes)
-    ratios = [Place(trials, ASKED).ratio(trials.trial(engine)) for trials in fresh_machines(model)]
+    ratios = [Case(trials, ASKED).ratio(trials.trial(engine)) for trials in fresh_machines(model)]
     assert max(ratios) <= 2.0, ratios
 
 

@@ -21,7 +21,7 @@ from trebucheck.comparisons.recommend import Advice, Asked, obstacles, recommend
 from trebucheck.comparisons.recommend import neighbours as family
 from trebucheck.comparisons.recommend.candidates import RUNGS, ladder, option_sets
 from trebucheck.comparisons.recommend.results import Obstacle
-from trebucheck.comparisons.recommend.search import SCREENED_AT, Follower, Place
+from trebucheck.comparisons.recommend.search import SCREENED_AT, Case, Search
 from trebucheck.comparisons.recommend.snippets import PYTHON, snippets
 from trebucheck.comparisons.recommend.target import read_torque
 from trebucheck.comparisons.runs.deviation import Deviation
@@ -188,41 +188,41 @@ PLAIN, DEAR = (OptionSet(name, "", "tuned", {"integrator": name}) for name in ("
 
 def _search(
     constants: tuple[float, float], cost: tuple[float, float], factors: tuple[float, ...] = (1.0,), floor: float = 0.0
-) -> tuple[Follower, list[Any], list[_Synthetic]]:
+) -> tuple[Search, list[Any], list[_Synthetic]]:
     names = (PLAIN.name, DEAR.name)
     made = [
         _Synthetic(f, dict(zip(names, constants, strict=True)), dict(zip(names, cost, strict=True)), floor)
         for f in factors
     ]
-    places = [Place(cast(Trials, trials), Asked(position=1e-6)) for trials in made]
-    follower = Follower("mujoco", places, STEPS)
-    return follower, [follower.follow(options) for options in (DEAR, PLAIN)][::-1], made
+    cases = [Case(cast(Trials, trials), Asked(position=1e-6)) for trials in made]
+    search = Search("mujoco", cases, STEPS)
+    return search, [search.sweep(options) for options in (DEAR, PLAIN)][::-1], made
 
 
 def test_the_longest_step_that_reaches_it_is_found() -> None:
-    follower, courses, _ = _search((1.0, 1.0), (1.0, 10.0))
-    assert [course.reached.step for course in courses] == [1e-3, 1e-3]  # 1 * h^2 <= 1e-6
-    chosen = follower.chosen(courses)
+    search, sweeps, _ = _search((1.0, 1.0), (1.0, 10.0))
+    assert [sweep.reached.step for sweep in sweeps] == [1e-3, 1e-3]  # 1 * h^2 <= 1e-6
+    chosen = search.chosen(sweeps)
     assert chosen is not None and chosen[0].options is PLAIN
     assert len(chosen[2].wall_times) == 3
 
 
 def test_the_cheaper_run_wins_though_its_step_is_dearer() -> None:
-    follower, courses, _ = _search((4.0, 0.009), (1.0, 2.0))  # steps 5e-4 and 1e-2
-    chosen = follower.chosen(courses)
+    search, sweeps, _ = _search((4.0, 0.009), (1.0, 2.0))  # steps 5e-4 and 1e-2
+    chosen = search.chosen(sweeps)
     assert chosen is not None and (chosen[0].options, chosen[1].step) == (DEAR, 1e-2)
 
 
 def test_of_two_as_cheap_the_plainer_one_is_taken() -> None:
-    follower, courses, _ = _search((1.0, 1.0), (1.1, 1.0))
-    chosen = follower.chosen(courses)
+    search, sweeps, _ = _search((1.0, 1.0), (1.1, 1.0))
+    chosen = search.chosen(sweeps)
     assert chosen is not None and chosen[0].options is PLAIN
 
 
 def test_the_hardest_neighbour_decides_and_was_measured() -> None:
     factors = (1.0, *(0.5 + 0.1 * i for i in range(20)), 24.0)
-    follower, courses, made = _search((1.0, 1.0), (1.0, 10.0), factors)
-    chosen = follower.chosen(courses)
+    search, sweeps, made = _search((1.0, 1.0), (1.0, 10.0), factors)
+    chosen = search.chosen(sweeps)
     assert chosen is not None and chosen[1].step == 2e-4  # 24 * h^2 <= 1e-6
     for trials in (made[0], made[-1]):
         assert (PLAIN.name, 2e-4) in trials.made
@@ -231,27 +231,27 @@ def test_the_hardest_neighbour_decides_and_was_measured() -> None:
 
 
 def test_a_set_that_must_be_dearer_is_not_run_on_all_machines() -> None:
-    follower, courses, made = _search((1.0, 1.0), (1000.0, 1.0), (1.0, 0.5, 24.0))
-    plain = courses[0]
+    search, sweeps, made = _search((1.0, 1.0), (1000.0, 1.0), (1.0, 0.5, 24.0))
+    plain = sweeps[0]
     assert plain.dropped and plain.reached is None and "cost more" in plain.note
     assert not [name for name, _ in made[1].made if name == PLAIN.name]
-    chosen = follower.chosen(courses)
+    chosen = search.chosen(sweeps)
     assert chosen is not None and chosen[0].options is DEAR
 
 
 def test_a_floor_is_given_up_and_named() -> None:
-    follower, courses, _ = _search((1.0, 1.0), (1.0, 1.0), floor=1e-5)
-    assert follower.chosen(courses) is None
-    verdict = obstacles.explain(follower, courses)
+    search, sweeps, _ = _search((1.0, 1.0), (1.0, 1.0), floor=1e-5)
+    assert search.chosen(sweeps) is None
+    verdict = obstacles.explain(search, sweeps)
     assert verdict.obstacle is Obstacle.FLOOR
     assert "error of the position of 1.0e-05 m on this machine, where 1.0e-06 m are asked" in verdict.sentence
 
 
 def test_what_was_reached_is_told_of_the_best_step_measured() -> None:
     """Steps that the order gave no hope for are measured for the explanation: the least of their errors is told."""
-    follower, courses, _ = _search((1e6, 1e6), (1.0, 1.0))
-    assert all(STEPS[-1] not in course.rungs for course in courses)
-    verdict = obstacles.explain(follower, courses)
+    search, sweeps, _ = _search((1e6, 1e6), (1.0, 1.0))
+    assert all(STEPS[-1] not in sweep.levels for sweep in sweeps)
+    verdict = obstacles.explain(search, sweeps)
     assert verdict.obstacle is Obstacle.STEP
     best = 1e6 * STEPS[-1] ** 2
     assert f" at {STEPS[-1]:g} s, has an error of the position of {best:.1e} m" in verdict.sentence
