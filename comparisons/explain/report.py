@@ -45,11 +45,11 @@ _HOW_TO_READ = (
     "and all of them with the unexplained rest add up to 100 %. Causes interact: where two have to come together to "
     "do harm, taking out either removes the same error. So all are taken out one after the other, once in the order "
     "of the table and once in the reverse order; the share is the mean of both (for causes that interact in pairs, "
-    "Shapley's value), and the whiskers are half their difference. (MuJoCo's softness, once it is as small as the step "
-    "allows, is measured by a shorter step and, in place of the reverse order, by doubling it.) A wide whisker says: "
-    "this and another cause share that error. “After” names causes that have to be out first, because taking this one "
-    "out alone would bring in an error the run does not have. What is explained is 1 - |rest| / |error|, root mean "
-    "square over time; roundoff, which is random, is taken off the rest in quadrature."
+    "Shapley's value), and the whiskers are half their difference. (Softness of constraints that is as small as the "
+    "step allows is measured by a shorter step and, in place of the reverse order, by doubling it.) A wide whisker "
+    "says: this and another cause share that error. “After” names causes that have to be out first, because taking "
+    "this one out alone would bring in an error the run does not have. What is explained is 1 - |rest| / |error|, "
+    "root mean square over time; roundoff, which is random, is taken off the rest in quadrature."
 )
 _CHANGES = (
     "Both presets at the same step; one option changed at a time, from stock towards tuned and from tuned back. "

@@ -33,12 +33,15 @@ from trebucheck.comparisons.runs.trials import Trial, Trials
 from trebucheck.comparisons.runs.worker import Worker
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.engines.mujoco.engine import MujocoEngine
+from trebucheck.engines.mujoco.softness import effective_solref
 from trebucheck.engines.protocol import BuiltinEngine, Engine
 from trebucheck.engines.pymunk.engine import PymunkEngine
 from trebucheck.engines.reference.engine import ReferenceEngine
-from trebucheck.engines.registry import engine, with_options
+from trebucheck.engines.registry import engine, engine_study, with_options
+from trebucheck.engines.study import ConstraintKinds
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import InputError
+from trebucheck.models.machines.registry import model
 from trebucheck.models.machines.trebuchet import HANGER_REST, fixed
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
@@ -297,6 +300,44 @@ def test_softness_that_is_no_more_than_the_step_allows_is_reduced_with_it() -> N
     )
     assert (stock.after, stock.scaling) == ((), None)
     assert tuned.after == ("time step",) and tuned.scaling is not None and tuned.scaling.leaves == 2.0
+
+
+MANUAL = {"RK4": (2.0, 1.5), "Euler": (1.0, 1.0), "implicit": (1.0, 1.0)}
+"""Damping times the step: of limits, and of points that are held exactly."""
+
+
+@pytest.mark.parametrize("integrator", MANUAL)
+@pytest.mark.parametrize("moving_points", [True, False])
+@pytest.mark.parametrize("kinds", [ConstraintKinds(), ConstraintKinds(True, True), ConstraintKinds(False, True)])
+def test_the_softness_that_follows_from_the_step_is_the_same_wherever_it_is_written_out(
+    integrator: str, moving_points: bool, kinds: ConstraintKinds
+) -> None:
+    """In the built model, where a cause takes the softness out, and where a refinement halves its time constant."""
+    h, (limits, points) = 2e-3, MANUAL[integrator]
+    made = engine("mujoco", integrator=integrator, moving_points=moving_points, timestep=h)
+    damping = points if moving_points and not kinds.angles else limits
+    assert effective_solref(made.settings, kinds) == (-1 / h**2, -damping / h)
+    study = engine_study("mujoco")
+    softer = next(each for each in study.refinements if "time constant" in each.description)
+    assert softer.change(made.settings, kinds) == {"solref": (-4 / h**2, -2 * damping / h)}
+    finer = next(each for each in study.causes(made.settings, kinds) if each.name == "time step")
+    # Points that are not held exactly yet are by the time that the step is taken out (`after`).
+    taken = limits if kinds.angles else points
+    assert list(finer.options["solref"]) == [-1 / h**2, -taken / h]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["fixed", "floating-arm"])
+@pytest.mark.parametrize("integrator", ["RK4", "implicit"])
+def test_the_softness_written_out_is_that_of_the_built_model(name: str, integrator: str) -> None:
+    pytest.importorskip("mujoco")
+    from trebucheck.engines.mujoco.build import load
+
+    mechanism = model(name)
+    made = MujocoEngine(integrator=integrator)  # type: ignore[arg-type]
+    built = load(mechanism, made)
+    kinds = ConstraintKinds.of(mechanism)
+    given = built.jnt_solref if kinds.angles else built.pair_solref if built.npair else built.eq_solref
+    assert tuple(given[0]) == effective_solref(made.settings, kinds)
 
 
 @pytest.fixture

@@ -143,6 +143,21 @@ def test_tolerances_grow_with_the_order_and_do_not_sharpen() -> None:
     assert _tolerance(1e-3, name="position_rms") is None
 
 
+def test_the_papers_allowances_and_a_comparison_apply_the_same_tolerance() -> None:
+    """At a longer step, and away from Table I, where the paper's allowances once lacked a factor of ten."""
+    from trebucheck.paper.allowances import allowances
+    from trebucheck.paper.quantities import ThrowQuantity
+    from trebucheck.paper.sweep.engines import allowed
+
+    quantity = ThrowQuantity("a position", "m")
+    runner = tb.engine("pymunk", timestep=2e-3)
+    for parameters, expected in ((tb.TrebuchetParameters(), 8e-3), (tb.TrebuchetParameters(l1=9.5), 8e-2)):
+        mechanism = tb.fixed(parameters)
+        assert allowed(runner, mechanism).position == pytest.approx(expected)
+        assert allowances(runner, mechanism, {}, {quantity: 1.0})[quantity] == pytest.approx(expected)
+        assert _tolerance(2e-3, table_one=expected < 1e-2) == pytest.approx(expected)
+
+
 def test_a_tolerance_finer_than_the_reference_can_vouch_for_is_refused_and_the_report_says_why(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -69,3 +69,42 @@ def test_no_machine_path_or_registry_is_committed() -> None:
     for line in lines:
         name, separator, version = line.partition("==")
         assert separator and name and version and " " not in line and "/" not in line, line
+
+
+OUTSIDE_THE_ENGINES = [
+    path
+    for path in MODULES
+    if path.relative_to(ROOT).parts[0] in ("models", "reference", "comparisons", "cli")
+    and path.relative_to(ROOT).parts[:2] != ("models", "mjcf")  # MJCF is a format, whose root element is <mujoco>
+]
+HELP_TEXTS = {"cli/app.py"}  # what the package is about, and examples of commands
+
+
+def _names_and_texts(path: Path) -> Iterator[tuple[int, str]]:
+    """Identifiers and string literals of a module, without its docstrings: line and text."""
+    tree = ast.parse(path.read_text())
+    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings:
+            yield node.lineno, node.value
+        for field in ("id", "attr", "name", "asname", "arg", "module"):
+            found = getattr(node, field, None)
+            if isinstance(found, str):
+                yield getattr(node, "lineno", 0), found
+
+
+@pytest.mark.parametrize("path", OUTSIDE_THE_ENGINES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_no_engine_is_named_outside_its_room(path: Path) -> None:
+    """Whatever depends on an engine is in its room (`engines/<name>/`), where a plug-in can supply it as well."""
+    if str(path.relative_to(ROOT)) in HELP_TEXTS:
+        return
+    for line, text in _names_and_texts(path):
+        named = [name for name in ENGINE_LIBRARIES if name in text.lower()]
+        assert not named, f"{path.relative_to(ROOT)}:{line} names {named[0]}: {text[:60]!r}"
+
+
+def test_only_the_registry_names_the_engines_in_the_engines_own_room() -> None:
+    for path in (ROOT / "engines").glob("*.py"):
+        if path.name != "registry.py":
+            for line, text in _names_and_texts(path):
+                assert not any(name in text.lower() for name in ENGINE_LIBRARIES), f"engines/{path.name}:{line}: {text}"

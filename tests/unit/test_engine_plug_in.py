@@ -1,0 +1,87 @@
+"""An engine is one package and its registration: pymunk's room, copied out and announced by another distribution."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import trebucheck as tb
+from trebucheck.comparisons.converge.floor import refinements
+from trebucheck.comparisons.converge.parameters import parameter_names, swept_parameters
+from trebucheck.comparisons.explain import causes_of
+from trebucheck.comparisons.recommend.candidates import option_sets
+from trebucheck.comparisons.recommend.snippets import snippets
+from trebucheck.comparisons.report.plots import engine_colour
+from trebucheck.engines.registry import engine_class
+from trebucheck.engines.study import ConstraintKinds
+
+ROOM = Path(__file__).parents[2] / "engines" / "pymunk"
+COPY, PACKAGE, COLOUR, NEED = "pymunk-copy", "pymunk_copy", "#123456", "the copy's own need"
+CHANGES = {
+    "engine.py": ('name: ClassVar[str] = "pymunk"', f'name: ClassVar[str] = "{COPY}"'),
+    "study.py": ("second order: leapfrog read at its own times", NEED),
+}
+"""What makes the copy another engine, and its study its own."""
+
+
+def _moved_out(folder: Path) -> None:
+    """Write pymunk's room as a package of its own, and the metadata of a distribution that announces it."""
+    package = folder / PACKAGE
+    (package / "templates").mkdir(parents=True)
+    for path in ROOM.glob("templates/*"):
+        (package / "templates" / path.name).write_text(path.read_text())
+    for path in ROOM.glob("*.py"):
+        text = re.sub(r"\bfrom \.\.\.(\w)", r"from trebucheck.\1", path.read_text())
+        text = re.sub(r"\bfrom \.\.(\w)", r"from trebucheck.engines.\1", text).replace("#d9730d", COLOUR)
+        old, new = CHANGES.get(path.name, ("", ""))
+        assert old in text, path.name
+        (package / path.name).write_text(text.replace(old, new) if old else text)
+    info = folder / f"{PACKAGE}-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {COPY}\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(f"[trebucheck.engines]\n{COPY} = {PACKAGE}.engine:PymunkEngine\n")
+
+
+@pytest.fixture(autouse=True)
+def _installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    if not engine_class("pymunk").is_installed():
+        pytest.skip("pymunk is not installed here")
+    _moved_out(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    yield
+    for name in [name for name in sys.modules if name.partition(".")[0] == PACKAGE]:
+        del sys.modules[name]
+
+
+def test_it_is_compared_by_its_own_tolerances() -> None:
+    assert engine_class(COPY).__module__ == f"{PACKAGE}.engine"  # type: ignore[attr-defined]
+    results = tb.compare(["fixed"], ["pymunk", COPY], ["tuned"], isolate=False, timestep=2e-3).results
+    original, copy = results.runs
+    assert copy.engine == COPY and copy.equality == original.equality
+    assert [metric.value for metric in copy.metrics] == [metric.value for metric in original.metrics]
+    assert [metric.tolerance for metric in copy.metrics] == [metric.tolerance for metric in original.metrics]
+    judged = [metric for metric in copy.metrics if metric.tolerance is not None]
+    assert len(judged) >= 4
+    for metric in judged:
+        assert metric.holds and metric.reason and metric.reason.endswith(f"({NEED})")
+
+
+def test_its_causes_parameters_option_sets_snippets_and_colour_are_its_own() -> None:
+    stock = tb.engine(COPY, "stock")
+    assert causes_of(stock) == causes_of(tb.engine("pymunk", "stock")) and len(causes_of(stock)) == 7
+    swept, there = swept_parameters(COPY), swept_parameters("pymunk")
+    assert [(each.name, each.values, each.expected) for each in swept] == [
+        (each.name, each.values, each.expected) for each in there
+    ]
+    assert {"iterations", "error_bias", "pivot_mass"} <= {each.name for each in swept} <= set(parameter_names())
+    found = [each.description for each, _ in refinements(COPY, stock.settings, (), ConstraintKinds())]
+    assert "ten times the pivot mass" in found
+    sets = option_sets(COPY)
+    assert [each.name for each in sets] == ["stock", "leapfrog", "converged leapfrog", "held lengths", "tuned"]
+    texts, originals = (snippets(name, tb.fixed(), "tuned", {"timestep": 1e-3}) for name in (COPY, "pymunk"))
+    assert texts["pymunk in Python"] == originals["pymunk in Python"]
+    assert f"--engine {COPY} " in texts["trebucheck on the command line"]
+    assert engine_colour(COPY) == COLOUR
