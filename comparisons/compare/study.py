@@ -18,7 +18,7 @@ from ...models.spec import Spec
 from ...models.trajectory import Trajectory
 from ...reference.certification.certificate import reference_uncertainty
 from ...reference.solution import Solution
-from ..diagnosis.model import gate
+from ..diagnosis.model import check_and_diagnose
 from ..diagnosis.motion import diagnose_motion
 from ..report.numbers import format_number
 from ..runs.metrics import measure
@@ -236,7 +236,7 @@ class _MachineRuns:
             settings=engine.settings,
         )
         try:
-            equality, diagnosis = self.runner.worker.call(gate, engine, self.runner.mechanism)
+            equality, diagnosis = self.runner.worker.call(check_and_diagnose, engine, self.runner.mechanism)
             run = run.model_copy(update={"equality": equality, "diagnosis": diagnosis})
             if not equality.holds:
                 return run.model_copy(update={"outcome": Outcome.UNEQUAL, "message": _unequal(equality)})

@@ -1,4 +1,4 @@
-"""How much of a deviation a suspect accounts for: one number, the suspect's size, by least squares."""
+"""The share of a deviation that a suspect explains, its size being fitted by least squares."""
 
 from __future__ import annotations
 

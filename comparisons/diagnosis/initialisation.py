@@ -1,4 +1,4 @@
-"""A machine with one thing changed no longer fits together: its stops and its start are made to."""
+"""Consistent initialisation of a mechanism with one thing changed: its stops, or its start, are made to fit."""
 
 from __future__ import annotations
 
@@ -7,21 +7,22 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
-from ...models.arrays import FloatArray
 from ...models.errors import InputError
 from ...models.kinematics import Kinematics
-from ...models.mechanism import GROUND, Mechanism, PointStop, Stop
+from ...models.mechanism import AnyStop, Mechanism, PointStop, Stop
+from ...models.spec import Vector
+from ...reference.consistent import consistent_coordinates
 from ...reference.equations import Equations
 
-_ROUNDS = 30  # of Gauss and Newton: from a changed machine's start it takes three or four
-_FITS = 1e-14  # [rad or m] relative to the size of the coordinates
+_STOPS = TypeAdapter[tuple[Stop | PointStop, ...]](tuple[AnyStop, ...])
 
 
-def built(fields: dict[str, Any], start_moves: bool = False) -> Mechanism | None:
+def consistent_mechanism(fields: dict[str, Any], start_moves: bool = False) -> Mechanism | None:
     """A mechanism of these fields whose closed stops touch at its start; None if there is none.
 
-    Joints that close a loop may be open there, see :func:`looped`.
+    Joints that close a loop may be open there, see :func:`with_closed_loops`.
 
     Args:
         fields: as a mechanism's `model_dump`; directions are brought to length one.
@@ -33,25 +34,25 @@ def built(fields: dict[str, Any], start_moves: bool = False) -> Mechanism | None
     except InputError:
         pass
     try:
-        bare = _mechanism(fields, stops=())
-        touching = bare.model_copy(update={"stops": _touching(bare, fields["stops"])})
+        bare, stops = _mechanism(fields, stops=()), _STOPS.validate_python(fields["stops"])
+        touching = bare.model_copy(update={"stops": _touching(bare, stops)})
         if not start_moves:
             return _mechanism(touching.model_dump())
-        start = _nearest(touching, [_place_of(stop) for stop in fields["stops"]])
+        start = _consistent_start(touching, stops)
         return None if start is None else _mechanism(fields, start=start)
     except InputError:
         return None
 
 
-def looped(mechanism: Mechanism) -> Mechanism | None:
+def with_closed_loops(mechanism: Mechanism) -> Mechanism | None:
     """The mechanism with its start moved to the nearest one at which its loops close; None if there is none.
 
     Closed stops stay where they are, and still touch.
     """
     if not any(mechanism.loop_closure_residual.values()):
         return mechanism
-    start = _nearest(mechanism, [_place_of(stop.model_dump()) for stop in mechanism.stops])
-    return None if start is None else built({**mechanism.model_dump(), "start": start})
+    start = _consistent_start(mechanism, mechanism.stops)
+    return None if start is None else consistent_mechanism({**mechanism.model_dump(), "start": start})
 
 
 def _mechanism(fields: dict[str, Any], **changes: Any) -> Mechanism:
@@ -67,45 +68,28 @@ def _unit(parts: Sequence[dict[str, Any]], direction: str) -> list[dict[str, Any
     ]
 
 
-def _place_of(stop: dict[str, Any]) -> float:
-    return float(stop["offset"] if "offset" in stop else stop["limit"])
-
-
-def _touching(bare: Mechanism, stops: Sequence[dict[str, Any]]) -> tuple[Stop | PointStop, ...]:
+def _touching(bare: Mechanism, stops: Sequence[Stop | PointStop]) -> tuple[Stop | PointStop, ...]:
     """The stops, with those that are closed moved to where they touch at the mechanism's start."""
     kinematics, q = Kinematics(bare), np.array(bare.start)
-    angles = {body.name: bare.start[i] for i, body in enumerate(bare.bodies)} | {GROUND: 0.0}
-    moved: list[Stop | PointStop] = []
-    for stop in stops:
-        if "offset" in stop:
-            at = kinematics.position(kinematics.point(stop["body"], stop["point"]), q)
-            place: dict[str, Any] = {"offset": float(np.dot(stop["normal"], at))} if stop["closed"] else {}
-            moved.append(PointStop(**{**stop, **place}))
-        else:
-            between = stop["sense"] * (angles[stop["body"]] - angles[stop["relative_to"]])
-            place = {"limit": between} if stop["closed"] else {}
-            moved.append(Stop(**{**stop, **place}))
-    return tuple(moved)
+    angle = {body.name: bare.start[i] for i, body in enumerate(bare.bodies)}
+
+    def place(body: str, point: Vector) -> complex:
+        return complex(*kinematics.position(kinematics.point(body, point), q))
+
+    def moved(stop: Stop | PointStop) -> Stop | PointStop:
+        return stop.model_copy(update={stop.position_field: float(stop.component(angle.__getitem__, place))})
+
+    return tuple(moved(stop) if stop.closed else stop for stop in stops)
 
 
-def _nearest(mechanism: Mechanism, places: Sequence[float]) -> tuple[float, ...] | None:
-    """The start nearest to the mechanism's at which loops close and closed stops touch (Gauss-Newton).
+def _consistent_start(mechanism: Mechanism, stops: Sequence[Stop | PointStop]) -> tuple[float, ...] | None:
+    """The start nearest to the mechanism's at which loops close and closed stops touch.
 
     Args:
-        places: where each stop really stands, its offset or limit.
+        stops: the mechanism's, where they really stand.
     """
-    equations = Equations(mechanism)
-    closed = [
-        (stop.name, _place_of(stop.model_dump()) - place)
-        for stop, place in zip(mechanism.stops, places, strict=True)
-        if stop.closed
-    ]
-    names, shifts = [name for name, _ in closed], np.array([shift for _, shift in closed])
-    q: FloatArray = np.array(mechanism.start)
-    for _ in range(_ROUNDS):
-        gaps = np.array([float(equations.kinematics.gap(name, q)) for name in names]) + shifts
-        error: FloatArray = np.concatenate([np.atleast_1d(equations.loop_residual(q)), gaps])
-        if np.abs(error).max(initial=0.0) <= _FITS * (1 + np.abs(q).max()):
-            return tuple(q.tolist())
-        q = np.asarray(q - np.linalg.lstsq(equations.constraint_jacobian(q, names), error, rcond=None)[0])
-    return None
+    closed = [(own, real) for own, real in zip(mechanism.stops, stops, strict=True) if own.closed]
+    gaps = np.array([real.position - own.position for own, real in closed])
+    names = [own.name for own, _ in closed]
+    start = consistent_coordinates(Equations(mechanism), np.array(mechanism.start), names, gaps)
+    return None if start is None else tuple(start.tolist())

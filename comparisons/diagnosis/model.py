@@ -1,4 +1,4 @@
-"""Suspects of a gate that failed: what differs in the built model says what was built wrong."""
+"""Causes of a failed model-equivalence check, from what differs in the built model."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism
 from ...reference.equations import Equations
 from ...reference.perturbed import WithJoint, WithoutCentrifugal
-from ..equivalence.checks import EXACT, Expected, compared, equality, expected, stops_misplaced
+from ..equivalence.checks import EXACT, Expected, check_model, expected, gap_errors, scaled_differences
 from ..equivalence.random_states import random_states
 from ..runs.results import Cause, Diagnosis, Equality
 from .fit import Match, match
@@ -25,21 +25,21 @@ _NAMED = 6  # suspects that are kept
 _SMALL = 1e-6  # of an added term, in its unit
 _TELLING = 0.05  # of a deviation: what accounts for less is no suspect
 _ALIKE = 1e-6  # relative, or [rad]: of a value that was mistaken for another
-_READ_OFF = 0.9  # what is read off one figure gives way to what explains all of them
+_READ_OFF = 0.9  # weight of a cause that one quantity shows, against one that explains all of them
 
 
-def gate(engine: Engine, mechanism: Mechanism) -> tuple[Equality, Diagnosis | None]:
-    """The gate of equality, and what is suspect where it fails.
+def check_and_diagnose(engine: Engine, mechanism: Mechanism) -> tuple[Equality, Diagnosis | None]:
+    """The model-equivalence check, and the suspected causes where it fails.
 
     Raises:
         TrebucheckError: the engine is not here, or cannot build the mechanism.
     """
-    found = equality(engine, mechanism)
-    return found, None if found.holds else diagnose_gate(engine, mechanism, found)
+    found = check_model(engine, mechanism)
+    return found, None if found.holds else diagnose_model(engine, mechanism, found)
 
 
-def diagnose_gate(engine: Engine, mechanism: Mechanism, broken: Equality) -> Diagnosis:
-    """What may have been built wrong, the likeliest first."""
+def diagnose_model(engine: Engine, mechanism: Mechanism, broken: Equality) -> Diagnosis:
+    """What may have been built wrong, the most likely first."""
     worst = max(broken.broken, key=lambda check: math.inf if check.value is None else check.value / check.tolerance)
     causes: list[Cause] = []
     if isinstance(engine, Inspectable):
@@ -55,7 +55,7 @@ def diagnose_gate(engine: Engine, mechanism: Mechanism, broken: Equality) -> Dia
 
 
 def _once(causes: Sequence[Cause]) -> list[Cause]:
-    """Each name once, by what accounts for most."""
+    """Each name once, with the cause that explains most."""
     best: dict[str, Cause] = {}
     for cause in causes:
         if cause.name not in best or cause.explained > best[cause.name].explained:
@@ -64,23 +64,23 @@ def _once(causes: Sequence[Cause]) -> list[Cause]:
 
 
 def _unknown_stops(engine: Inspectable, mechanism: Mechanism, states: Sequence[State]) -> Iterator[Cause]:
-    """Stops without which the model can be looked into: it has none of that name."""
+    """Stops that the model lacks: without them it can be inspected."""
     for stop in mechanism.stops:
         without = [state for state in states if stop.name not in state.closed]
         if len(without) < len(states):
-            with suppress(Exception):  # whatever the engine raises, it is not this stop alone
+            with suppress(Exception):  # the engine may raise anything: then this stop is not the only cause
                 engine.inspect(mechanism, without)
                 yield Cause(name=f"{stop.name} missing", kind="law", explained=1.0)
 
 
 def _plain(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> Iterator[Cause]:
-    """What can be read off: where it starts, where its stops stand, which of them are there."""
+    """Causes that single quantities show: a wrong start, a stop at a wrong position, a missing stop."""
     for i, (name, mine, theirs) in enumerate(zip(mechanism.coordinates, found.start, mechanism.start, strict=True)):
         if abs(mine - theirs) > EXACT * max(1.0, abs(theirs)):
             mistake = _mistaken(float(mine), theirs)
             amount = mistake or f"{mine - theirs:+.3g} {'rad' if i < len(mechanism.bodies) else 'm'}"
             yield Cause(name=f"start of {name}", kind="start", amount=amount, explained=1.0 if mistake else _READ_OFF)
-    for name, gap in stops_misplaced(expected(mechanism, states), found.dynamics).items():
+    for name, gap in gap_errors(expected(mechanism, states), found.dynamics).items():
         if abs(gap) > EXACT and mechanism.stop(name).effort == "torque":
             amount = f"{math.degrees(gap):+.3g} deg"
             yield Cause(name=f"place of the {name}", kind="machine", amount=amount, explained=_READ_OFF)
@@ -88,12 +88,12 @@ def _plain(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> 
         pairs = zip(found.dynamics, states, strict=True)
         held = [d.stop_torques.get(stop.name) for d, state in pairs if stop.name in state.closed]
         if held and not any(held):
-            # A stop that stands elsewhere pushes as little as one that is not there: then its place is the cause.
+            # A stop at another position carries no torque either: its position is then the more likely cause.
             yield Cause(name=f"{stop.name} missing", kind="law", explained=_READ_OFF / 2)
 
 
 def _walls(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> Iterator[Cause]:
-    """Walls that stand elsewhere, by the gaps alone: a point that is off its wall may be felt by nothing else."""
+    """Walls at wrong positions, by the gaps alone: no other quantity may show a point that is off its wall."""
     right = expected(mechanism, states)
     deviation = _gaps(right, found.dynamics, found.dynamics)
     if np.abs(deviation).max(initial=0.0) <= EXACT:
@@ -108,7 +108,7 @@ def _walls(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> 
 
 
 def _mistaken(mine: float, theirs: float) -> str:
-    """How one angle may have become another; '' if in no common way."""
+    """The common mistake that turns one angle into another; '' if there is none."""
     size = max(1.0, abs(theirs))
     readings = {
         "sign": -theirs,
@@ -119,11 +119,11 @@ def _mistaken(mine: float, theirs: float) -> str:
 
 
 def _fitted(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> Iterator[Cause]:
-    """Machines that would differ in the same way, start and stops included."""
+    """Suspects whose mechanisms differ from the right one in the same way, start and stops included."""
     right = expected(mechanism, states)
     gaps = _gaps(right, found.dynamics, found.dynamics)
     start = found.start - np.array(mechanism.start)
-    deviation = np.concatenate([compared(right, found.dynamics), start, gaps])
+    deviation = np.concatenate([scaled_differences(right, found.dynamics), start, gaps])
     if not np.isfinite(deviation).all() or not deviation.any():
         return
     for suspect in machine_suspects(mechanism):
@@ -137,7 +137,7 @@ def _fitted(mechanism: Mechanism, states: Sequence[State], found: Inspection) ->
     nothing = np.zeros(len(start) + len(gaps))
     for name, unit, equations in _other_laws(mechanism):
         wrong = expected(mechanism, states, equations).as_dynamics(found.dynamics)
-        matched = match(deviation, np.concatenate([compared(right, wrong), nothing]), fixed=not unit)
+        matched = match(deviation, np.concatenate([scaled_differences(right, wrong), nothing]), fixed=not unit)
         if matched.explained > _TELLING:
             amount = f"{matched.factor * _SMALL:.3g} {unit}" if unit else ""
             yield Cause(name=name, kind="law", amount=amount, explained=matched.explained)
@@ -162,27 +162,27 @@ def _signatures(
     states: Sequence[State],
     found: Inspection,
 ) -> Iterator[FloatArray]:
-    """What a wrong machine shows, in an engine with absolute coordinates and in one that counts from its start.
+    """Signatures of a wrong mechanism, in an engine with absolute coordinates and in one that counts from its start.
 
-    The latter stands off from where it is put by as much as its start is wrong. And a wrong place of a stop need not
-    have moved the start with it.
+    The latter's coordinates are off by the error of its start. And a stop at a wrong position need not have moved the
+    start with it.
     """
     if {stop.name for stop in wrong.stops} < {stop.name for stop in mechanism.stops}:
-        return  # a stop less: that is read off
+        return  # a missing stop: see _plain
     start = np.array(wrong.start) - np.array(mechanism.start)
     none = np.zeros_like(start)
     for shift, shown_start in ((none, start), (start, start), (none, none)) if start.any() else ((none, none),):
         there = expected(wrong, [replace(state, q=state.q + shift) for state in states])
         shown = there.as_dynamics(found.dynamics)
         shown = [replace(mine, stop_gaps=gaps) for mine, gaps in zip(shown, there.gaps, strict=True)]
-        yield np.concatenate([compared(right, shown), shown_start, _gaps(right, shown, found.dynamics)])
+        yield np.concatenate([scaled_differences(right, shown), shown_start, _gaps(right, shown, found.dynamics)])
 
 
 def _gaps(right: Expected, dynamics: Sequence[Dynamics], like: Sequence[Dynamics]) -> FloatArray:
-    """How far stops stand from their places [rad or m] wherever an engine tells; all states together count as one."""
-    apart = [
+    """Errors of the stops' gaps [rad or m] where an engine exposes them; all states together count as one."""
+    errors = [
         mine.stop_gaps[name] - theirs[name]
         for mine, theirs, shown in zip(dynamics, right.gaps, like, strict=True)
         for name in shown.stop_gaps
     ]
-    return np.array(apart) / math.sqrt(len(right.gaps))
+    return np.array(errors) / math.sqrt(len(right.gaps))

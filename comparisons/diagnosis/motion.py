@@ -1,4 +1,4 @@
-"""Suspects of a motion that broke a tolerance: what each would do to the reference, fitted to what the engine did."""
+"""Suspects of a motion that violates a tolerance: the effect of each on the reference, fitted to the deviation."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from ..explain.causes import causes_of, described
 from ..runs.metrics import against
 from ..runs.results import Cause, Diagnosis, Run
 from .fit import Match, match
-from .initialisation import looped
-from .onset import parting
+from .initialisation import with_closed_loops
+from .onset import find_onset
 from .readings import readings, thinned
 from .signatures import Channels, weights
 from .suspects import Suspect, machine_suspects, more_wrong
@@ -42,7 +42,7 @@ _TOLERANCE = 1e-11  # of the suspects' motions
 def diagnose_motion(
     run: Run, trajectory: Trajectory, solution: Solution, end: float, engine: Engine, simulate: Simulate
 ) -> Diagnosis:
-    """When the run parts from the reference, what leads, and the likeliest causes.
+    """The onset of the divergence from the reference, the first violated quantity, and the likeliest causes.
 
     Args:
         run: as judged, with broken tolerances.
@@ -53,12 +53,12 @@ def diagnose_motion(
         simulate: how engines are run.
     """
     case = _Case(trajectory, solution, end)
-    first = parting(against(trajectory, solution, end), run.broken)
+    onset = find_onset(against(trajectory, solution, end), run.broken)
     causes = sorted(_causes(case, engine, simulate), key=lambda cause: -cause.explained)
     return Diagnosis(
-        leads=first.leads if first else run.broken[0].label,
-        parts_at=first.at if first else None,
-        holding=first.holding if first else (),
+        leads=onset.first_violated if onset else run.broken[0].label,
+        parts_at=onset.time if onset else None,
+        holding=onset.active if onset else (),
         causes=tuple(causes[:_NAMED]),
     )
 
@@ -72,7 +72,7 @@ def _causes(case: _Case, engine: Engine, simulate: Simulate) -> Iterator[Cause]:
 
 @dataclass(frozen=True)
 class _Case:
-    """A trajectory's deviation, thinned and weighted, and how others compare with it."""
+    """A trajectory's deviation, thinned and weighted, and the signatures of other trajectories."""
 
     whole: Trajectory
     solution: Solution
@@ -80,7 +80,7 @@ class _Case:
 
     @cached_property
     def trajectory(self) -> Trajectory:
-        # Without the start: an engine that reads its states late is put on it all the same.
+        # Without the start: an engine that records its states late still starts there.
         n = int(np.searchsorted(self.whole.t, self.end, side="right"))
         return thinned(self.whole, np.unique(np.linspace(1, n - 1, _SAMPLES).astype(int)))
 
@@ -110,18 +110,18 @@ class _Case:
 
     def carried(self, other: Trajectory) -> FloatArray:
         """Signature of a trajectory at other times."""
-        apart = self.channels.stacked(other, self.solution.trajectory(other.t))
+        difference = self.channels.stacked(other, self.solution.trajectory(other.t))
         t = self.trajectory.t
-        return (self.weights * np.stack([np.interp(t, other.t, column) for column in apart.T], axis=1)).ravel()
+        return (self.weights * np.stack([np.interp(t, other.t, column) for column in difference.T], axis=1)).ravel()
 
     def problem(self, mechanism: Mechanism) -> Problem:
         law = StopLaw(self.solution.problem.stop_law)
         return Problem(mechanism, duration=float(self.trajectory.t[-1]), stop_law=law)
 
     def moved(self, mechanism: Mechanism) -> FloatArray | None:
-        """Signature of another machine's motion; None if it cannot be had."""
+        """Signature of another mechanism's motion; None if it cannot be computed."""
         try:
-            closed = looped(mechanism)
+            closed = with_closed_loops(mechanism)
             if closed is None:
                 return None
             solution = solve(self.problem(closed), _TOLERANCE, _TOLERANCE)
@@ -168,8 +168,8 @@ def _law_causes(case: _Case) -> Iterator[Cause]:
     for name in closed:
         opened = mine.get(name)
         if opened != right[name]:
-            said = f"{_said(opened)} instead of {_said(right[name])}"
-            yield from _release(case, name, said, {**right, name: opened})
+            amount = f"{_format_time(opened)} instead of {_format_time(right[name])}"
+            yield from _release(case, name, amount, {**right, name: opened})
         if opened is not None:
             yield from _scheduled(case, f"{name} never opens", "", {**right, name: None})
     own = {name: mine.get(name) for name in closed}
@@ -177,19 +177,19 @@ def _law_causes(case: _Case) -> Iterator[Cause]:
     yield from _scheduled(case, "velocity-dependent forces dropped", "", own, without)
 
 
-def _release(case: _Case, stop: str, said: str, releases: Mapping[str, float | None]) -> Iterator[Cause]:
-    """A release at another time: it shows in the motion, or else it was only misreported."""
-    yield from _scheduled(case, f"release of the {stop}", said, releases)
+def _release(case: _Case, stop: str, amount: str, releases: Mapping[str, float | None]) -> Iterator[Cause]:
+    """A release at another time: either the motion shows it, or only the reported time is wrong."""
+    yield from _scheduled(case, f"release of the {stop}", amount, releases)
     signature = _schedule(case, releases)
     if signature is None:
         return
     would = float(np.linalg.norm(signature))
     shown = 1.0 - float(np.linalg.norm(case.deviation)) / would if would else 0.0
     if shown > _TELLING:
-        yield Cause(name=f"reading of the {stop}'s release", kind="reading", amount=said, explained=shown)
+        yield Cause(name=f"reading of the {stop}'s release", kind="reading", amount=amount, explained=shown)
 
 
-def _said(t: float | None) -> str:
+def _format_time(t: float | None) -> str:
     return "never" if t is None else f"{t:.6g} s"
 
 
@@ -226,7 +226,7 @@ def _reading_causes(case: _Case) -> Iterator[Cause]:
 
 
 def _settings_causes(case: _Case, engine: Engine, simulate: Simulate) -> Iterator[Cause]:
-    """The causes of the engine's error budget, taken out one at a time: what then is gone was theirs."""
+    """The causes of the engine's error budget, removed one at a time: each explains the part that then vanishes."""
     size = float(np.linalg.norm(case.deviation))
     problem = Problem(case.whole.mechanism, duration=case.whole.provenance.duration)
     for name, amount, changed in _other_settings(engine, case.whole.mechanism):

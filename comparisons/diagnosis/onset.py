@@ -1,9 +1,9 @@
-"""When a run first parts from the reference, what holds then, and which figure leads.
+"""The onset of a divergence: when a run first leaves the reference, in which quantity, and the active contacts then.
 
 An error made early grows by itself on the way to the launch: a whip does that to any error, the reference's own
-included. So a position has parted when it is further off than its tolerance allows *there*: the tolerance, which is
-stated for the whole throw, times the share to which the certified motion lets an error grow by that time. How an error
-grows is measured on the reference's own, between its integration and a coarser one.
+included. So a position is violated where its error exceeds the tolerance of *that time*: the tolerance, which is stated
+for the whole throw, times the share to which an error of the certified motion has grown by then. That growth is
+measured on the reference itself, between its integration and a coarser one.
 """
 
 from __future__ import annotations
@@ -20,38 +20,38 @@ from ...reference.solver import solve
 from ..runs.metrics import Comparison
 from ..runs.results import Metric
 
-_COARSE = 1e-9  # tolerance of the coarser integration: its error stands far above the finer one's
+_COARSE = 1e-9  # tolerance of the coarser integration: its error is far above the finer one's
 _LEAST = 1e-3  # of the growth to the end: an engine's steps and soft stops show from the first one on
 _SAMPLES = 400
 
 
 @dataclass(frozen=True)
-class Parting:
-    """The first figure to leave its tolerance."""
+class Onset:
+    """The first quantity to violate its tolerance, when, and the contacts that are active then."""
 
-    leads: str
-    at: float
+    first_violated: str
+    time: float
     """[s]"""
-    holding: tuple[str, ...]
+    active: tuple[str, ...]
 
 
-def parting(c: Comparison, broken: Iterable[Metric]) -> Parting | None:
-    """The earliest of all broken figures; None where none of them belongs to a time."""
-    times = {metric.label: _time(c, metric) for metric in broken}
+def find_onset(c: Comparison, violated: Iterable[Metric]) -> Onset | None:
+    """The earliest of all violated quantities; None where none of them belongs to a time."""
+    times = {metric.label: _time(c, metric) for metric in violated}
     found = {label: t for label, t in times.items() if t is not None}
     if not found:
         return None
-    leads = min(found, key=lambda label: found[label])
-    return Parting(leads, found[leads], holding_at(c.solution, found[leads]))
+    first = min(found, key=lambda label: found[label])
+    return Onset(first, found[first], active_contacts_at(c.solution, found[first]))
 
 
-def holding_at(solution: Solution, t: float) -> tuple[str, ...]:
-    """Stops that the reference holds at t [s]."""
+def active_contacts_at(solution: Solution, t: float) -> tuple[str, ...]:
+    """Stops that are active in the reference at t [s]."""
     return next((s.closed for s in solution.segments if s.start <= t <= s.end), ())
 
 
 def _time(c: Comparison, metric: Metric) -> float | None:
-    """When a broken figure leaves its tolerance [s]."""
+    """When a violated quantity leaves its tolerance [s]."""
     if metric.name == "release_time":
         times = (
             c.reference.release_times.get(metric.subject or ""),
@@ -69,7 +69,7 @@ def _time(c: Comparison, metric: Metric) -> float | None:
 
 
 def _series(c: Comparison, metric: Metric) -> Iterator[FloatArray]:
-    """The figure along the motion, shape (n,); nothing for one that is no maximum over time."""
+    """The quantity along the motion, shape (n,); nothing for one that is no maximum over time."""
     name = metric.subject or ""
     if metric.name == "position_max":
         yield c.distance(c.trajectory.marker(name).position, c.reference.marker(name).position)

@@ -1,4 +1,4 @@
-"""Trajectories that move rightly and are read wrongly: what each mistake would look like."""
+"""Wrong readings of a right motion: the effect of each mistake on a trajectory."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _INSTANT = 1e-6  # [s]
 
 @dataclass(frozen=True)
 class Reading:
-    """A mistake by a small amount, and how its size is said."""
+    """A mistake of a small size, and how that size is formatted."""
 
     name: str
     wrong: Trajectory
     amount: Callable[[float], str]
-    """From the factor found to words."""
+    """From the fitted factor to text."""
 
 
 def readings(solution: Solution, reference: Trajectory, step: float) -> Iterator[Reading]:
@@ -48,22 +48,22 @@ def readings(solution: Solution, reference: Trajectory, step: float) -> Iterator
 
 
 def _late(solution: Solution, reference: Trajectory, step: float) -> Iterator[Reading]:
-    """Everything, or one kind of figure, read at another time."""
+    """Everything, or one kind of quantity, read at another time."""
     end = solution.segments[-1].end
     later = solution.trajectory(np.minimum(reference.t + _INSTANT, end))
 
-    def said(factor: float) -> str:
+    def shift_text(factor: float) -> str:
         shift = factor * _INSTANT
         return f"{shift:+.3g} s, {shift / step:+.3g} steps"
 
-    yield Reading("time shifted", replace(later, t=reference.t), said)
+    yield Reading("time shifted", replace(later, t=reference.t), shift_text)
     moved = {n: PointMotion(m.position, later.markers[n].velocity) for n, m in reference.markers.items()}
-    yield Reading("velocities shifted in time", replace(reference, markers=moved), said)
+    yield Reading("velocities shifted in time", replace(reference, markers=moved), shift_text)
     moved = {n: PointMotion(later.markers[n].position, m.velocity) for n, m in reference.markers.items()}
-    yield Reading("positions shifted in time", replace(reference, markers=moved), said)
-    yield Reading("torques shifted in time", replace(reference, stop_torques=later.stop_torques), said)
-    yield Reading("forces shifted in time", replace(reference, joint_reactions=later.joint_reactions), said)
-    yield Reading("kinetic energy shifted in time", replace(reference, kinetic_energy=later.kinetic_energy), said)
+    yield Reading("positions shifted in time", replace(reference, markers=moved), shift_text)
+    yield Reading("torques shifted in time", replace(reference, stop_torques=later.stop_torques), shift_text)
+    yield Reading("forces shifted in time", replace(reference, joint_reactions=later.joint_reactions), shift_text)
+    yield Reading("kinetic energy shifted in time", replace(reference, kinetic_energy=later.kinetic_energy), shift_text)
 
 
 def _scale(factor: float) -> str:

@@ -1,7 +1,7 @@
-"""A trajectory's deviation from the reference as one array, every kind of figure in units of its size.
+"""A trajectory's deviation from the reference as one array, every kind of quantity in units of its size.
 
-Deviations grow towards the launch, and grown ones look alike, whatever began them. So every time counts alike: the
-deviation at a time is divided by how large it has become by then.
+Deviations grow towards the launch, and late ones look alike whatever their cause. So all times are weighted alike: the
+deviation at a time is divided by its largest value up to then.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _FAINT = 1e-4  # of the largest: earlier than this, rounding and steps are most 
 
 @dataclass(frozen=True)
 class Channels:
-    """What a deviation is made of, and the size of each part; the same for all that are compared."""
+    """The components of a deviation and their sizes; the same for all trajectories that are compared."""
 
     markers: tuple[str, ...]
     torques: tuple[str, ...]

@@ -1,7 +1,7 @@
-"""Machines that are wrong in one place: what each would look like is what a deviation is compared with.
+"""Mechanisms with one thing wrong, whose effects are compared with a deviation.
 
-Where a mechanism is one of the named builders', its parameters are suspects, for a wrong length there moves a mass
-and an inertia, too; every single number of the mechanism is one in any case.
+For a mechanism that a named builder makes, its parameters are suspects, because a wrong length changes a mass and an
+inertia, too. Every single number of a mechanism is a suspect in any case.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from ...models.machines.parameters import TrebuchetParameters
 from ...models.machines.registry import model
 from ...models.machines.trebuchet import parameters_of
 from ...models.mechanism import Mechanism, PinJoint, SlotJoint
-from .initialisation import built
+from .initialisation import consistent_mechanism
 
 Kind = Literal["machine", "start", "law", "reading", "settings"]
 _SMALL = 1e-6  # relative, or [rad] or [m]: well above rounding and linear
@@ -24,7 +24,7 @@ _SMALL = 1e-6  # relative, or [rad] or [m]: well above rounding and linear
 
 @dataclass(frozen=True)
 class Suspect:
-    """A machine with one thing wrong by a small amount (or, where `scale` is 0, wrong outright)."""
+    """A mechanism with one thing wrong by a small amount (or, where `scale` is 0, something missing or replaced)."""
 
     name: str
     kind: Kind
@@ -34,10 +34,10 @@ class Suspect:
     unit: str = ""
     """Of the amount; '': relative."""
     start_moves: bool = False
-    """Whether a closed stop that no longer touches is met by another start, instead of being moved itself."""
+    """Where a closed stop no longer touches: whether the start is moved to where it does, instead of the stop."""
 
     def amount(self, factor: float) -> str:
-        """How wrong it would have to be, `factor` times `scale`, in words."""
+        """The error that explains the deviation, `factor` times `scale`, as text."""
         if self.scale == 0:
             return ""
         size = factor * self.scale
@@ -45,8 +45,19 @@ class Suspect:
 
 
 def machine_suspects(mechanism: Mechanism) -> tuple[Suspect, ...]:
-    """All that may be wrong with a built machine."""
-    parts = (_parameters, _masses, _lengths, _places, _slots, wall_suspects, _gravity, _starts, _missing, _rounded)
+    """All suspects of a built model."""
+    parts = (
+        _parameters,
+        _masses,
+        _centres,
+        _positions,
+        _slots,
+        wall_suspects,
+        _gravity,
+        _starts,
+        _missing,
+        _rounded,
+    )
     return tuple(suspect for part in parts for suspect in part(mechanism))
 
 
@@ -55,7 +66,7 @@ def more_wrong(mechanism: Mechanism, suspect: Suspect, factor: float) -> Suspect
     if suspect.scale == 0:
         return None
     blended = _blended(mechanism.model_dump(), suspect.wrong.model_dump(), factor)
-    wrong = built(blended, suspect.start_moves)
+    wrong = consistent_mechanism(blended, suspect.start_moves)
     return None if wrong is None else replace(suspect, wrong=wrong, scale=suspect.scale * factor)
 
 
@@ -84,7 +95,7 @@ def _parameters(mechanism: Mechanism) -> Iterator[Suspect]:
 
 
 def _changed(mechanism: Mechanism, start_moves: bool = False, **fields: Any) -> Mechanism | None:
-    return built({**mechanism.model_dump(), **fields}, start_moves)
+    return consistent_mechanism({**mechanism.model_dump(), **fields}, start_moves)
 
 
 def _with_joint(mechanism: Mechanism, name: str, **fields: Any) -> Mechanism | None:
@@ -102,14 +113,14 @@ def _with_body(mechanism: Mechanism, name: str, **fields: Any) -> Mechanism | No
 
 
 def _masses(mechanism: Mechanism) -> Iterator[Suspect]:
-    """Masses and inertias of single bodies; a parameter of the same effect stands before them."""
+    """Masses and inertias of single bodies; a parameter of the same effect comes before them."""
     named = parameters_of(mechanism) is not None
     for body in mechanism.bodies:
         if not named:
             wrong = _with_body(mechanism, body.name, mass=body.mass * (1 + _SMALL))
             if wrong:
                 yield Suspect(f"mass of the {body.name}", "machine", wrong)
-        grown = body.inertia * _SMALL or body.mass * _SMALL  # a point mass: as if spread over a millimetre
+        grown = body.inertia * _SMALL or body.mass * _SMALL  # of a point mass: a radius of gyration of a millimetre
         wrong = _with_body(mechanism, body.name, inertia=body.inertia + grown)
         if wrong and body.inertia:
             yield Suspect(f"inertia of the {body.name}", "machine", wrong)
@@ -117,7 +128,7 @@ def _masses(mechanism: Mechanism) -> Iterator[Suspect]:
             yield Suspect(f"inertia of the {body.name}", "machine", wrong, scale=grown, unit="kg m^2")
 
 
-def _lengths(mechanism: Mechanism) -> Iterator[Suspect]:
+def _centres(mechanism: Mechanism) -> Iterator[Suspect]:
     """Centres of mass along their bodies."""
     for body in mechanism.bodies:
         x, y = body.centre
@@ -126,7 +137,7 @@ def _lengths(mechanism: Mechanism) -> Iterator[Suspect]:
             yield Suspect(f"centre of mass of the {body.name}", "machine", wrong)
 
 
-def _places(mechanism: Mechanism) -> Iterator[Suspect]:
+def _positions(mechanism: Mechanism) -> Iterator[Suspect]:
     """Places of joints on the bodies that carry them."""
     for joint in mechanism.joints:
         for end in ("parent", "child"):
@@ -141,11 +152,11 @@ def _places(mechanism: Mechanism) -> Iterator[Suspect]:
 
 
 def _shifted(mechanism: Mechanism, joint: PinJoint | SlotJoint) -> Iterator[Suspect]:
-    """A loop's points, a little aside in either direction of their frames: there a machine is not only longer."""
+    """A loop joint's points, moved a little along each axis of their frames: more than a change of length."""
     for end in ("parent", "child"):
         for point, axis in zip(_aside(getattr(joint, f"{end}_point")), "xy", strict=True):
             if end == "parent" and isinstance(joint, SlotJoint) and abs(np.dot(_AXES[axis], joint.axis)) == 1.0:
-                continue  # along its own line a slot is where it was
+                continue  # a slot moved along its own line is the same slot
             wrong = _with_joint(mechanism, joint.name, **{f"{end}_point": point})
             if wrong:
                 name = f"place of the {joint.name} on the {getattr(joint, end)}, {axis}"
@@ -160,13 +171,13 @@ def _aside(point: tuple[float, float]) -> tuple[tuple[float, float], tuple[float
 
 
 def _turned(direction: tuple[float, float]) -> tuple[float, float]:
-    """A direction turned anticlockwise by a small angle; its length is put right where a machine is built of it."""
+    """A direction turned anticlockwise by a small angle; its length is corrected where a mechanism is built from it."""
     x, y = direction
     return x - _SMALL * y, y + _SMALL * x
 
 
 def _slots(mechanism: Mechanism) -> Iterator[Suspect]:
-    """Slots that point elsewhere."""
+    """Wrong directions of slots."""
     for joint in mechanism.joints:
         wrong = _with_joint(mechanism, joint.name, axis=_turned(joint.axis)) if isinstance(joint, SlotJoint) else None
         if wrong:
@@ -174,7 +185,7 @@ def _slots(mechanism: Mechanism) -> Iterator[Suspect]:
 
 
 def wall_suspects(mechanism: Mechanism) -> Iterator[Suspect]:
-    """Stops on points: where they stand, which way they face, which point of the body they are for."""
+    """Stops on points: a wrong offset, normal or point of the body."""
     for stop in mechanism.point_stops:
         wrong = _with_stop(mechanism, stop.name, start_moves=True, offset=stop.offset + _SMALL)
         if wrong:
@@ -197,7 +208,7 @@ def _gravity(mechanism: Mechanism) -> Iterator[Suspect]:
 
 
 def _starts(mechanism: Mechanism) -> Iterator[Suspect]:
-    """Each start coordinate; stops that touch go along."""
+    """Each start coordinate; closed stops are moved with it."""
     named = parameters_of(mechanism) is not None
     for i, name in enumerate(mechanism.coordinates):
         is_angle = i < len(mechanism.bodies)
@@ -221,7 +232,7 @@ def _missing(mechanism: Mechanism) -> Iterator[Suspect]:
 
 
 def _rounded(mechanism: Mechanism) -> Iterator[Suspect]:
-    """All data cut to what common formats keep: angles and third parts do not survive it."""
+    """All data rounded to what common formats keep."""
     parameters = parameters_of(mechanism)
     for cut, what in ((_six_digits, "six digits, as text formats write them"), (_single, "single precision")):
         if parameters is not None:

@@ -1,8 +1,8 @@
-"""Tier 0, before any motion: is the model that an engine has built the same machine?
+"""The model-equivalence check, before any motion: is the model that an engine has built the same mechanism?
 
-The built model is looked at in random states under every set of closed stops (:mod:`.random_states`) and set beside the
-reference's equations. What an engine exposes must agree to `EXACT`. A run whose gate fails is not compared: the
-motion of another machine says nothing about the engine.
+The built model is inspected in random states under every set of closed stops (:mod:`.random_states`) and compared with
+the reference's equations. What an engine exposes must agree to `EXACT`. A run whose check fails is not compared: the
+motion of another mechanism says nothing about the engine.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from ..runs.results import Check, Equality
 from .random_states import random_states
 
 EXACT = 1e-10
-"""Of a quantity's size: four digits above rounding, and six below the smallest fault anyone would build in."""
+"""Of a quantity's size: four digits above rounding, and six below the smallest fault that is seeded."""
 
 _EXACT_REASON = "the engine's own quantities, to rounding"
 
 
-def equality(engine: Engine, mechanism: Mechanism) -> Equality:
+def check_model(engine: Engine, mechanism: Mechanism) -> Equality:
     """Compare an engine's built model with the reference's equations.
 
-    An engine that cannot be looked into passes with `exposed` false: then only its motion can tell.
+    An engine that cannot be inspected passes with `exposed` false: then only its motion can tell.
     """
     if not isinstance(engine, Inspectable):
         return Equality(exposed=False, note=f"{engine.name} does not show its built model; only its motion can tell.")
@@ -39,7 +39,7 @@ def equality(engine: Engine, mechanism: Mechanism) -> Equality:
     try:
         inspection = engine.inspect(mechanism, states)
     except (EngineNotInstalledError, UnsupportedProblemError, SimulationError):
-        raise  # the run says it in its own words
+        raise  # the run reports it
     except Exception as error:
         note = f"{engine.name} could not be looked into: {type(error).__name__}: {error}"
         return Equality(exposed=True, note=note, checks=(_unreadable(),))
@@ -52,7 +52,7 @@ def _unreadable() -> Check:
 
 @dataclass(frozen=True)
 class Expected:
-    """What the reference's equations say in the states; arrays of shape (n_states, ...)."""
+    """Quantities of the reference's equations in the states; arrays of shape (n_states, ...)."""
 
     mass: FloatArray
     forces: FloatArray
@@ -65,7 +65,7 @@ class Expected:
     """Shape (n_states, n_bodies, 2) [m]."""
 
     def as_dynamics(self, like: Sequence[Dynamics]) -> tuple[Dynamics, ...]:
-        """As an engine would show it that exposes just what another one does."""
+        """As an engine would expose them that exposes the same as another one."""
         return tuple(
             Dynamics(
                 accelerations=self.accelerations[k],
@@ -79,7 +79,7 @@ class Expected:
 
 
 def expected(mechanism: Mechanism, states: Sequence[State], equations: Equations | None = None) -> Expected:
-    """The reference's quantities in the states; by other equations than its own where a fault is to be seen."""
+    """The reference's quantities in the states; or of other equations, to compute the effect of a fault."""
     equations = equations or Equations(mechanism)
     q, u = np.array([state.q for state in states]), np.array([state.u for state in states])
     kinematics = equations.kinematics
@@ -101,8 +101,8 @@ def expected(mechanism: Mechanism, states: Sequence[State], equations: Equations
     )
 
 
-def compared(want: Expected, dynamics: Sequence[Dynamics]) -> FloatArray:
-    """All exposed differences in one flat vector, each kind in units of its size: M, f, a, torques, centres."""
+def scaled_differences(want: Expected, dynamics: Sequence[Dynamics]) -> FloatArray:
+    """All exposed differences as one flat vector, each kind in units of its size: M, f, a, torques, centres."""
     parts: list[FloatArray] = []
     for k, mine in enumerate(dynamics):
         diagonal = np.sqrt(np.diag(want.mass[k]))
@@ -124,7 +124,7 @@ def compared(want: Expected, dynamics: Sequence[Dynamics]) -> FloatArray:
 
 
 def _scale_of(values: FloatArray) -> FloatArray:
-    """Size of each component over all states; one on which hardly anything acts is measured by the others.
+    """Size of each component over all states; a component on which hardly anything acts is scaled by the others.
 
     Args:
         values: shape (n_states, n_components).
@@ -135,27 +135,27 @@ def _scale_of(values: FloatArray) -> FloatArray:
 
 def _checks(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> Iterator[Check]:
     want = expected(mechanism, states)
-    yield from _whole(mechanism, found)
+    yield from _start_and_mass(mechanism, found)
     yield from _exact(mechanism, want, found.dynamics)
     scale = _scale_of(want.accelerations)
     mine = np.array([d.accelerations for d in found.dynamics])
     yield _by_name("acceleration", mechanism.coordinates, np.abs(mine - want.accelerations), scale)
     yield from _torques(want, found.dynamics)
-    misplaced = stops_misplaced(want, found.dynamics)
-    if misplaced:
-        worst = max(misplaced, key=lambda name: abs(misplaced[name]))
+    errors = gap_errors(want, found.dynamics)
+    if errors:
+        worst = max(errors, key=lambda name: abs(errors[name]))
         yield Check(
             name="stop position",
             subject=worst,
-            value=abs(misplaced[worst]),
+            value=abs(errors[worst]),
             unit=mechanism.stop(worst).gap_unit,
             tolerance=EXACT,
             reason=_EXACT_REASON,
         )
 
 
-def stops_misplaced(want: Expected, dynamics: Sequence[Dynamics]) -> dict[str, float]:
-    """How far from its place each stop stands by the engine's own measure [rad or m], where that is largest."""
+def gap_errors(want: Expected, dynamics: Sequence[Dynamics]) -> dict[str, float]:
+    """Largest error of each stop's gap by the engine's own measure [rad or m]."""
     found: dict[str, float] = {}
     for mine, theirs in zip(dynamics, want.gaps, strict=True):
         for name, gap in mine.stop_gaps.items():
@@ -163,14 +163,14 @@ def stops_misplaced(want: Expected, dynamics: Sequence[Dynamics]) -> dict[str, f
     return found
 
 
-def _whole(mechanism: Mechanism, found: Inspection) -> Iterator[Check]:
+def _start_and_mass(mechanism: Mechanism, found: Inspection) -> Iterator[Check]:
     """Total mass and start."""
     if found.total_mass is not None:
         total = sum(body.mass for body in mechanism.bodies)
         yield _exactly("total mass", None, abs(found.total_mass - total) / total)
     names = mechanism.coordinates
-    apart = np.abs(found.start - np.array(mechanism.start))
-    yield _by_name("start", names, apart[None], np.maximum(1.0, np.abs(mechanism.start)))
+    difference = np.abs(found.start - np.array(mechanism.start))
+    yield _by_name("start", names, difference[None], np.maximum(1.0, np.abs(mechanism.start)))
     speeds = np.array(mechanism.start_speeds or [0.0] * len(names))
     yield _by_name("start speed", names, np.abs(found.start_speeds - speeds)[None], np.maximum(1.0, np.abs(speeds)))
 
@@ -186,9 +186,9 @@ def _exact(mechanism: Mechanism, want: Expected, dynamics: Sequence[Dynamics]) -
     masses = [d.mass_matrix for d in dynamics if d.mass_matrix is not None]
     if len(masses) == len(dynamics):
         size = np.sqrt(np.einsum("ni,nj->nij", *[np.einsum("nii->ni", want.mass)] * 2))
-        apart = (np.abs(np.array(masses) - want.mass) / size).reshape(len(masses), -1)
+        difference = (np.abs(np.array(masses) - want.mass) / size).reshape(len(masses), -1)
         pairs = [f"{a}, {b}" for a in names for b in names]
-        yield _by_name("mass matrix", pairs, apart, np.ones(len(pairs)))
+        yield _by_name("mass matrix", pairs, difference, np.ones(len(pairs)))
     forces = [d.forces for d in dynamics if d.forces is not None]
     if len(forces) == len(dynamics):
         yield _by_name("force", names, np.abs(np.array(forces) - want.forces), _scale_of(want.forces))
@@ -218,11 +218,11 @@ def _exactly(name: str, subject: str | None, value: float) -> Check:
 def _by_name(
     name: str,
     subjects: Sequence[str],
-    apart: FloatArray,
+    difference: FloatArray,
     scale: FloatArray,
 ) -> Check:
-    """The worst of all states and subjects; `apart` has shape (n_states, n_subjects), `scale` (n_subjects,)."""
-    relative = apart.max(axis=0) / np.where(scale > 0, scale, 1.0)
+    """The worst of all states and subjects; `difference` has shape (n_states, n_subjects), `scale` (n_subjects,)."""
+    relative = difference.max(axis=0) / np.where(scale > 0, scale, 1.0)
     worst = int(np.argmax(np.nan_to_num(relative, nan=np.inf)))
     value = float(relative[worst])
     return Check(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from mechanisms import G, floor, four_bar, hanging_bob, pin, position_error, rods_on_a_slot
 from scipy.integrate import quad
-from trebucheck.comparisons.equivalence.checks import equality
+from trebucheck.comparisons.equivalence.checks import check_model
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics
@@ -84,7 +84,7 @@ def test_the_order_is_two(name: str) -> None:
 @pytest.mark.parametrize("name", MACHINES)
 def test_the_built_machine_is_the_described_one(name: str) -> None:
     for stiffness in (None, 1e8):
-        found = equality(ExudynEngine(stop_stiffness=stiffness), MACHINES[name])
+        found = check_model(ExudynEngine(stop_stiffness=stiffness), MACHINES[name])
         assert found.exposed
         assert found.checks
         assert all(check.value is not None and check.value <= EXACT for check in found.checks)
@@ -101,7 +101,7 @@ OTHERS: dict[str, Mechanism] = {
 @pytest.mark.parametrize("name", OTHERS)
 def test_other_machines_are_of_order_two_under_both_laws(name: str, law: StopLaw) -> None:
     exact = solve(Problem(OTHERS[name], 1.5, stop_law=law))
-    assert equality(ExudynEngine(), OTHERS[name]).holds
+    assert check_model(ExudynEngine(), OTHERS[name]).holds
     errors = [position_error(ExudynEngine(timestep=step).simulate(exact.problem), exact) for step in (2e-3, 1e-3)]
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
 
@@ -198,7 +198,7 @@ def test_limits_and_walls_are_decided_at_once(seed: int) -> None:
         assert run.stop_torque(name)[0] == pytest.approx(start.stop_torque(name)[0], rel=1e-8, abs=1e-8)
     for name, force in run.joint_reactions.items():
         assert force[0] == pytest.approx(start.joint_reactions[name][0], rel=1e-8, abs=1e-8)
-    assert equality(ExudynEngine(), problem.mechanism).holds
+    assert check_model(ExudynEngine(), problem.mechanism).holds
 
 
 def on_the_move() -> Mechanism:
@@ -233,7 +233,7 @@ def test_walls_of_any_tilt_and_loops_are_of_order_two(name: str) -> None:
         for stop, time in exact.release_times.items():
             assert run.release_time(stop) == (None if time is None else pytest.approx(time, abs=0.1 * step))
     assert np.divide(*off) == pytest.approx(4.0, rel=0.2)
-    assert equality(ExudynEngine(), mechanism).holds
+    assert check_model(ExudynEngine(), mechanism).holds
 
 
 # Under the unilateral law.
@@ -389,4 +389,4 @@ def test_a_fault_in_a_wall_shows(name: str, fault: str, monkeypatch: pytest.Monk
         return system
 
     monkeypatch.setattr(module, "build", wrongly)
-    assert not equality(ExudynEngine(), MACHINES[name]).holds
+    assert not check_model(ExudynEngine(), MACHINES[name]).holds

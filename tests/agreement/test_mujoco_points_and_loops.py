@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from trebucheck.comparisons.equivalence.checks import EXACT, equality
+from trebucheck.comparisons.equivalence.checks import EXACT, check_model
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.machines.catapult import catapult
@@ -213,7 +213,7 @@ generic = pytest.mark.parametrize("name", GENERIC)
     "mechanism", [*(build() for build in MACHINES.values()), *GENERIC.values()], ids=lambda m: m.name
 )
 def test_the_gate(mechanism: Mechanism, preset: str) -> None:
-    found = equality(MujocoEngine.presets()[preset](), mechanism)
+    found = check_model(MujocoEngine.presets()[preset](), mechanism)
     assert found.exposed and found.states >= 1
     names = {check.name for check in found.checks}
     assert {"mass matrix", "force", "acceleration", "start", "total mass"} <= names
@@ -231,7 +231,7 @@ def test_the_gate_feels_where_a_wall_is(monkeypatch: pytest.MonkeyPatch) -> None
         return right(mechanism.model_copy(update={"stops": (moved, *mechanism.stops[1:])}), timestep)
 
     monkeypatch.setattr(module, "mjcf", lower)
-    found = equality(MujocoEngine(), hinged())
+    found = check_model(MujocoEngine(), hinged())
     (place,) = (check for check in found.checks if check.name == "stop position")
     assert place.value == pytest.approx(1e-4, rel=1e-6)
 
@@ -291,7 +291,9 @@ def test_other_parameters(name: str, seed: int) -> None:
     found = MujocoEngine(timestep=2e-3).simulate(exact.problem)
     assert misplaced(found, exact) <= 4 * SOFT  # twice the step
     assert_forces_agree(found, exact)
-    assert all(check.value is not None and check.value <= EXACT for check in equality(MujocoEngine(), machine).checks)
+    assert all(
+        check.value is not None and check.value <= EXACT for check in check_model(MujocoEngine(), machine).checks
+    )
 
 
 # --- Closed forms ------------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from trebucheck.comparisons.equivalence.checks import equality
+from trebucheck.comparisons.equivalence.checks import check_model
 from trebucheck.comparisons.equivalence.random_states import random_states
 from trebucheck.engines.pymunk.engine import PymunkEngine
 from trebucheck.models.errors import UnsupportedProblemError
@@ -325,7 +325,7 @@ BUILT = {name: build() for name, build in MACHINES.items()} | LINKAGES | {"walls
 
 @pytest.mark.parametrize("name", BUILT)
 def test_the_built_model_is_the_machine(name: str) -> None:
-    found = equality(PymunkEngine(), BUILT[name])
+    found = check_model(PymunkEngine(), BUILT[name])
     assert found.exposed
     for check in found.checks:
         assert check.value is not None
@@ -354,7 +354,7 @@ def test_a_fault_in_the_space_shows(fault: Callable[[Any], None], shows: str, mo
         return machine
 
     monkeypatch.setattr(module, "build", wrongly)
-    values = {check.name: check.value or 0.0 for check in equality(PymunkEngine(), hinged()).checks}
+    values = {check.name: check.value or 0.0 for check in check_model(PymunkEngine(), hinged()).checks}
     assert values[shows] > 1e-4
 
 

@@ -14,10 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from trebucheck.comparisons.compare.report import diagnosis
 from trebucheck.comparisons.diagnosis.fit import match
-from trebucheck.comparisons.diagnosis.model import gate
-from trebucheck.comparisons.diagnosis.onset import growth, holding_at
+from trebucheck.comparisons.diagnosis.model import check_and_diagnose
+from trebucheck.comparisons.diagnosis.onset import active_contacts_at, growth
 from trebucheck.comparisons.diagnosis.suspects import machine_suspects, more_wrong
-from trebucheck.comparisons.equivalence.checks import EXACT, equality
+from trebucheck.comparisons.equivalence.checks import EXACT, check_model
 from trebucheck.comparisons.equivalence.random_states import random_states
 from trebucheck.comparisons.runs.results import Cause, Diagnosis, Outcome, Run
 from trebucheck.models.machines.trebuchet import parameters_of
@@ -64,14 +64,14 @@ def test_parameters_are_read_off_a_machine(chosen: tb.TrebuchetParameters, rolls
 
 
 def test_minimal_and_redundant_coordinates_pass_each_others_gate(build: Build) -> None:
-    found = equality(tb.engine("reference"), build())
+    found = check_model(tb.engine("reference"), build())
     assert found.exposed and found.holds
     assert {check.name for check in found.checks} >= {"acceleration", "stop torque", "centre of mass", "start"}
     assert all(check.tolerance == EXACT for check in found.checks)
 
 
 def test_an_engine_that_shows_nothing_says_so() -> None:
-    found = equality(plugins.Echo(), tb.fixed())
+    found = check_model(plugins.Echo(), tb.fixed())
     assert not found.exposed and found.holds
     assert found.note and "only its motion can tell" in found.note
 
@@ -80,7 +80,7 @@ def test_an_engine_that_cannot_be_looked_into_fails(build: Build) -> None:
     def broken(_: tb.Mechanism) -> tb.Mechanism:
         raise ZeroDivisionError("careless")
 
-    found, why = gate(Faulty(tb.engine("reference"), machine=broken), build())
+    found, why = check_and_diagnose(Faulty(tb.engine("reference"), machine=broken), build())
     assert not found.holds and why is not None
     assert found.note and "ZeroDivisionError: careless" in found.note
 
@@ -98,7 +98,7 @@ def test_a_machine_of_no_builder_has_suspects_too(build: Build) -> None:
     names = {suspect.name for suspect in machine_suspects(other)}
     assert {"mass of the arm", "gravity", "place of the sling pin on the arm", "start of phi"} <= names
     wrong = Faulty(tb.engine("reference"), machine=body("hanger", mass=3003.0))
-    _, why = gate(wrong, other)
+    _, why = check_and_diagnose(wrong, other)
     assert why is not None and why.causes[0].name == "mass of the hanger"
     assert why.causes[0].amount == "+0.1 %"
 
@@ -107,8 +107,8 @@ def test_an_error_grows_towards_the_launch(build: Build) -> None:
     solution = solve(tb.Problem(build(), duration=2.5))
     grown = growth(solution, np.linspace(0.0, 2.5, 100))
     assert np.all(np.diff(grown) >= 0) and grown[-1] == pytest.approx(1.0) and grown[0] < 0.01
-    assert holding_at(solution, 0.1) == ("hanger rest", "sling rest")
-    assert holding_at(solution, 2.4) == ()
+    assert active_contacts_at(solution, 0.1) == ("hanger rest", "sling rest")
+    assert active_contacts_at(solution, 2.4) == ()
 
 
 def test_a_diagnosis_reads_as_a_sentence() -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
-from trebucheck.comparisons.diagnosis.initialisation import looped
+from trebucheck.comparisons.diagnosis.initialisation import with_closed_loops
 from trebucheck.comparisons.diagnosis.suspects import machine_suspects, more_wrong
 from trebucheck.comparisons.explain import causes_of
 from trebucheck.engines.mujoco.engine import MujocoEngine
@@ -139,7 +139,7 @@ def test_suspects_are_machines_that_can_move(machine: tb.Mechanism) -> None:
         larger = more_wrong(machine, suspect, 1e3)
         assert larger is not None or suspect.scale == 0, suspect.name
         for wrong in (suspect.wrong, *([larger.wrong] if larger else [])):
-            closed = looped(wrong)
+            closed = with_closed_loops(wrong)
             assert closed is not None
             tb.Problem(closed)
 
