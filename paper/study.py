@@ -1,33 +1,83 @@
-"""The whole study of the paper: its throws, the further studies, and every claim judged by them."""
+"""The whole study of the paper: its throws, the further studies, and every claim judged by them.
+
+The further studies are computed from the paper's parameters alone and do not need each other: each runs in a process of
+its own, two at a time, so that one that dies costs only itself.
+"""
 
 from __future__ import annotations
 
+import os
 import platform
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from typing import Any
 
 from pydantic import JsonValue
 
+from ..comparisons.runs.runner import failure
+from ..comparisons.runs.study import Counter, Progress
 from ..comparisons.runs.worker import Worker
 from ..engines.registry import engine, engine_class, engine_names
 from ..models.errors import InputError
 from ..models.machines.parameters import TrebuchetParameters
-from .apart import Jobs, begun
+from ..models.machines.trebuchet import fixed
+from ..models.spec import Spec
 from .claims import UNREACHED, claims
 from .curves import series
-from .evidence import Evidence
+from .design.study import design_rolling
+from .drag.study import drag_study
+from .evidence import FIXED, ROLLING, Evidence
+from .identification.study import identify
+from .machines.study import efficiencies
+from .printed import BEST_L1
 from .results import Study
-from .sections import SECTIONS
-from .throws import throw_by_all
+from .sweep.study import WITH_ENGINES, fulcrum_sweep
+from .throws import MachineThrow, throw_by_all
 
-MACHINES = ("fixed", "rolling")
+MACHINES = (FIXED, ROLLING)
 """The paper's two."""
 
-Progress = Callable[[str, int, int], None]
-"""Called with what is under way, the number of parts done and of all."""
+Compute = Callable[[TrebuchetParameters, Sequence[str]], Spec]
+_WARNINGS = "PYTHONWARNINGS"
+
+
+def _identification(parameters: TrebuchetParameters, engines: Sequence[str]) -> Spec:
+    return identify(parameters)
+
+
+def _drag(parameters: TrebuchetParameters, engines: Sequence[str]) -> Spec:
+    return drag_study(fixed(parameters))
+
+
+def _sweep(parameters: TrebuchetParameters, engines: Sequence[str]) -> Spec:
+    places = (*WITH_ENGINES, BEST_L1.value)  # every engine is to confirm a number in print
+    with Worker() as worker:
+        return fulcrum_sweep(parameters, engines=engines, worker=worker, with_engines=places)
+
+
+def _design(parameters: TrebuchetParameters, engines: Sequence[str]) -> Spec:
+    with Worker() as worker:
+        return design_rolling(parameters, engines=engines, worker=worker)
+
+
+def _machines(parameters: TrebuchetParameters, engines: Sequence[str]) -> Spec:
+    return efficiencies(engines)
+
+
+# The longest first: two run at a time.
+SECTIONS: dict[str, Compute] = {
+    "design": _design,
+    "machines": _machines,
+    "sweep": _sweep,
+    "identification": _identification,
+    "drag": _drag,
+}
+"""The further studies by name, each computed from the paper's parameters and the engines' names."""
 
 
 def study(
@@ -43,7 +93,7 @@ def study(
     Args:
         engines: names; all known ones if left out. Those absent or failing become notes.
         parameters: of the machines; the paper's Table I if left out. Its numbers are about no others.
-        sections: which of the further studies to make, of those in :data:`.sections.SECTIONS`; all if left out.
+        sections: which of the further studies to make, of those in :data:`SECTIONS`; all if left out.
         timeout: longest wait for one run of an engine, and for one of the further studies [s].
         progress: called before and after each part.
 
@@ -55,12 +105,15 @@ def study(
     names = tuple(dict.fromkeys(engine_names() if engines is None else engines))
     for name in names:
         engine(name)  # a wrong name costs no waiting
-    wanted = _sections(sections)
-    jobs = {name: partial(SECTIONS[name], p, names) for name in wanted}
-    parts = _Parts(len(MACHINES) + len(jobs), progress)
-    with begun(jobs, timeout=timeout) as running:
-        throws = {name: parts.made(f"throws: {name}", partial(_throw, name, p, names, timeout)) for name in MACHINES}
-        found, failures = _gathered(running, parts)
+    others = [name for name in names if name != "reference"]
+    jobs = {name: partial(SECTIONS[name], p, others) for name in _sections(sections)}
+    parts = Counter(len(MACHINES) + len(jobs), progress)
+    with Jobs(jobs, timeout) as running:
+        throws: dict[str, MachineThrow] = {}
+        for name in MACHINES:
+            parts.start(f"throws: {name}")
+            throws[name] = _throw(name, p, names, timeout)
+        found, failures = _results(running, parts)
     evidence = Evidence(p, throws, found, failures)
     return Study(
         made=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -74,57 +127,34 @@ def study(
     )
 
 
-def _sections(asked: Sequence[str] | None) -> list[str]:
-    for name in asked or ():
+def _sections(wanted: Sequence[str] | None) -> list[str]:
+    for name in wanted or ():
         if name not in SECTIONS:
             raise InputError(f"there is no section {name!r}; there are: {', '.join(SECTIONS)}.")
-    return [name for name in SECTIONS if asked is None or name in asked]
+    return [name for name in SECTIONS if wanted is None or name in wanted]
 
 
-def _throw(name: str, parameters: TrebuchetParameters, engines: Sequence[str], timeout: float) -> Any:
+def _throw(name: str, parameters: TrebuchetParameters, engines: Sequence[str], timeout: float) -> MachineThrow:
     with Worker(timeout) as worker:
         return throw_by_all(name, parameters, engines, worker)
 
 
-class _Parts:
-    """Counts what is done, for whoever watches."""
-
-    def __init__(self, total: int, progress: Progress | None) -> None:
-        self._total, self._progress, self._done = total, progress, 0
-
-    def show(self, what: str) -> None:
-        """Say what is under way."""
-        if self._progress:
-            self._progress(what, self._done, self._total)
-
-    def finish(self, what: str) -> None:
-        """Count one more, and say what is under way now."""
-        self._done += 1
-        self.show(what)
-
-    def made(self, what: str, make: Callable[[], Any]) -> Any:
-        """Make a part, shown before and counted after."""
-        self.show(what)
-        found = make()
-        self._done += 1
-        return found
-
-
-def _gathered(running: Jobs, parts: _Parts) -> tuple[dict[str, Any], dict[str, str]]:
+def _results(running: Jobs, parts: Counter) -> tuple[dict[str, Spec], dict[str, str]]:
     """Results by name, and why others have none."""
-    found: dict[str, Any] = {}
+    found: dict[str, Spec] = {}
     failures: dict[str, str] = {}
-    parts.show(", ".join(running.running))
+    parts.show(", ".join(running.names))
     for name, result, why in running.finished():
         if why is None:
             found[name] = result
         else:
             failures[name] = why
-        parts.finish(", ".join(running.running))
+        parts.done += 1
+        parts.show(", ".join(running.names))
     return found, failures
 
 
-def _as_data(found: dict[str, Any], failures: dict[str, str]) -> dict[str, JsonValue]:
+def _as_data(found: Mapping[str, Spec], failures: Mapping[str, str]) -> dict[str, JsonValue]:
     data: dict[str, JsonValue] = {name: {"failed": why} for name, why in failures.items()}
     for name, each in found.items():
         data[name] = each.model_dump(mode="json")
@@ -134,5 +164,78 @@ def _as_data(found: dict[str, Any], failures: dict[str, str]) -> dict[str, JsonV
 def _versions(engines: Sequence[str]) -> dict[str, str]:
     from ..version import __version__
 
-    found = {"trebucheck": __version__, "python": platform.python_version()}
-    return found | {name: engine_class(name).version() for name in engines}
+    here = {"trebucheck": __version__, "python": platform.python_version()}
+    return here | {name: engine_class(name).version() for name in engines}
+
+
+@dataclass(frozen=True)
+class _Job:
+    name: str
+    compute: Callable[[], Any]
+
+
+def _compute(job: _Job, _: None) -> Any:
+    return job.compute()
+
+
+class Jobs:
+    """Functions of modules under way, each in a process of its own; their processes end with the `with` block.
+
+    Args:
+        jobs: by name, in the order in which they start.
+        timeout: longest wait for one of them [s].
+        at_once: how many at a time.
+    """
+
+    def __init__(self, jobs: Mapping[str, Callable[[], Any]], timeout: float = 600.0, at_once: int = 2) -> None:
+        self._workers = {name: Worker(timeout) for name in jobs}
+        self._threads = ThreadPoolExecutor(at_once)
+        self._jobs = [_Job(name, compute) for name, compute in jobs.items()]
+        self._futures: dict[Future[tuple[Any, str | None]], str] = {}
+        self._quiet = _quiet_tracker()
+
+    def __enter__(self) -> Jobs:
+        self._quiet.__enter__()
+        self._futures = {self._threads.submit(self._alone, job): job.name for job in self._jobs}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._threads.shutdown(wait=False, cancel_futures=True)
+        for worker in self._workers.values():
+            worker.close()
+        self._quiet.__exit__(None, None, None)
+
+    def _alone(self, job: _Job) -> tuple[Any, str | None]:
+        """Its result, and why there is none."""
+        with self._workers[job.name] as worker:
+            try:
+                return worker.call(_compute, job, None), None
+            except Exception as error:  # whatever goes wrong in one study, the others must go on
+                return None, failure(error)[1]
+
+    @property
+    def names(self) -> list[str]:
+        """Of the jobs under way."""
+        return [name for future, name in self._futures.items() if future.running()]
+
+    def finished(self) -> Iterator[tuple[str, Any, str | None]]:
+        """Name, result and why there is none, of each as it comes to its end."""
+        for future in as_completed(self._futures):
+            yield self._futures[future], *future.result()
+
+
+@contextmanager
+def _quiet_tracker() -> Generator[None, None, None]:
+    """A process that tracks locks, started meanwhile, removes those of killed jobs without telling the user of each.
+
+    loky starts it with the first pool; it outlives the jobs and can only be told through the environment.
+    """
+    before = os.environ.get(_WARNINGS)
+    os.environ[_WARNINGS] = ",".join(filter(None, [before, "ignore:resource_tracker"]))
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[_WARNINGS]
+        else:
+            os.environ[_WARNINGS] = before

@@ -6,7 +6,7 @@ import signal
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from joblib.externals.loky import ProcessPoolExecutor
 from joblib.externals.loky.process_executor import TerminatedWorkerError
@@ -16,6 +16,13 @@ from ...models.errors import SimulationError, TrebucheckError
 from ...models.problem import Problem
 from ...models.trajectory import Trajectory
 
+
+class _Named(Protocol):
+    @property
+    def name(self) -> str: ...
+
+
+_Runner = TypeVar("_Runner", bound=_Named)
 _Given = TypeVar("_Given")
 _Result = TypeVar("_Result")
 _WARM_UP = 5e-3  # [s] simulated before the run that is timed: imports and first calls are not the engine's speed
@@ -63,8 +70,8 @@ class Worker:
         """As :func:`simulate_warm`, in that process; raises as :meth:`call` does."""
         return self.call(simulate_warm, runner, problem)
 
-    def call(self, function: Callable[[Engine, _Given], _Result], runner: Engine, given: _Given) -> _Result:
-        """Call a module's function on an engine in that process.
+    def call(self, function: Callable[[_Runner, _Given], _Result], runner: _Runner, given: _Given) -> _Result:
+        """Call a module's function on an engine, or on whatever has a name for messages, in that process.
 
         Raises:
             SimulationError: the engine ended its process (a crash of its compiled code, or out of memory), or did

@@ -15,7 +15,6 @@ from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.report.numbers import sentence
 from trebucheck.models.spec import schema_text
 from trebucheck.paper import report as shown
-from trebucheck.paper.apart import begun
 from trebucheck.paper.claims import UNREACHED, order
 from trebucheck.paper.evidence import Row, spread
 from trebucheck.paper.machines.study import MachineEfficiency, Machines, SlingThrow, WidestThrow
@@ -25,7 +24,7 @@ from trebucheck.paper.results import Claim, EngineValue, Quantity, Series, Study
 from trebucheck.paper.rows import machine as rows_machine
 from trebucheck.paper.rows import machines as rows_machines
 from trebucheck.paper.rows.release import around
-from trebucheck.paper.study import study
+from trebucheck.paper.study import Jobs, study
 from trebucheck.paper.verdicts import (
     Cause,
     Grid,
@@ -301,7 +300,7 @@ def test_json_comes_back_and_keeps_to_its_schema(small: Study) -> None:
 @pytest.mark.slow  # four processes are started
 def test_a_job_that_dies_costs_only_itself() -> None:
     jobs = {"fine": _fine, "raises": _raises, "crashes": _crashes, "last": _fine}
-    with begun(jobs, at_once=2, timeout=60.0) as running:
+    with Jobs(jobs, at_once=2, timeout=60.0) as running:
         found = {name: (result, why) for name, result, why in running.finished()}
     assert set(found) == set(jobs)
     assert found["fine"] == found["last"] == (42, None)
