@@ -151,9 +151,7 @@ def _findings(results: Results) -> Iterator[Text]:
         for sentence in complaints(run):
             yield Text(sentence, "bad", lead=f"{name}:")
         if run.message:
-            said = run.outcome in (Outcome.OK, Outcome.BROKEN)
-            text = run.outcome.value if said else f"{run.outcome.value}: {run.message}"
-            yield Text(text, _OUTCOMES[run.outcome][1], lead=f"{name}:")
+            yield Text(f"{run.outcome.value}: {run.message}", _OUTCOMES[run.outcome][1], lead=f"{name}:")
         for sentence in diagnosis(run):
             yield Text(sentence, "strong", lead=f"{name}, why:")
 

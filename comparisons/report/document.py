@@ -111,7 +111,7 @@ class Column:
         return replace(self, align=self.align or align, wrap=wrap if self.wrap is None else self.wrap)
 
 
-_NUMBER = re.compile(r"[-+÷×<]?\s?\d")
+_NUMBER = re.compile(r"(over )?[-+÷×<]?\s?\d")
 
 
 def columns(titles: str, medium: Medium = "any") -> tuple[Column, ...]:

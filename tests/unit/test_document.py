@@ -1,0 +1,142 @@
+"""A document and its renderers: what a page, a terminal and Markdown make of the same blocks."""
+
+from __future__ import annotations
+
+import re
+from io import StringIO
+
+import plotly.graph_objects as go
+import pytest
+from rich.console import Console
+from trebucheck.comparisons.report import html, markdown, terminal
+from trebucheck.comparisons.report.document import (
+    Cell,
+    Code,
+    Column,
+    Document,
+    Figure,
+    Fold,
+    Heading,
+    Listing,
+    Note,
+    Text,
+    Tile,
+    Tiles,
+    columns,
+    page_only,
+    row,
+    table,
+    terminal_only,
+)  # fmt: skip
+from trebucheck.comparisons.report.numbers import format_number, format_percent, format_step, format_value, sentence
+
+
+def _page(*blocks: object) -> str:
+    """The page without its script and style."""
+    text = html.page(Document("A <title>", tuple(blocks), "window"))  # type: ignore[arg-type]
+    return re.sub(r"<(script|style)>.*?</\1>", "", text, flags=re.DOTALL)
+
+
+def _terminal(*blocks: object, width: int = 80) -> str:
+    to = Console(width=width, record=True, file=StringIO(), highlight=False)
+    terminal.show(Document("A title", tuple(blocks)), to)  # type: ignore[arg-type]
+    return to.export_text()
+
+
+ERRORS = table(
+    "engine | position [m] | (steps) | note",
+    [("mujoco tuned", Cell("1.3e-8", "good"), 1000, "as ever"), ("pymunk tuned", Cell("2.5e-4", "bad"), 1000, "")],
+    "Errors",
+)
+
+
+def test_marks_are_signs_on_a_page_and_not_only_colours() -> None:
+    page = _page(ERRORS, Text("it fails", "bad"), Text("it holds", "good"))
+    assert re.search(r'<td class="right good"><span class="sign">✓</span> 1.3e-8</td>', page)
+    assert re.search(r'<td class="right bad"><span class="sign">✗</span> 2.5e-4</td>', page)
+    assert re.search(r'<p class="boxed bad"><span class="sign">✗</span> it fails</p>', page)
+    assert re.search(r'<p class="boxed good"><span class="sign">✓</span> it holds</p>', page)
+
+
+def test_tables_have_captions_scopes_and_units() -> None:
+    page = _page(ERRORS)
+    assert "<caption>Errors</caption>" in page
+    assert '<th scope="col" class="right">position [m]</th>' in page
+    assert '<th scope="row" class="left">mujoco tuned</th>' in page
+
+
+@pytest.mark.parametrize("text", ["<b>", "a & b", '"><script>', "{{ 1 }}"])
+def test_texts_of_any_block_are_text(text: str) -> None:
+    """Messages of engines come from elsewhere: none of them is read as HTML, a template, or a style of the terminal."""
+    styled = f"{text} [bold red]x[/]"
+    blocks = (
+        Heading(styled, medium="any"), Text(styled), Text("b", lead=styled), Note(styled), Listing((Text(styled),)),
+        Tiles((Tile(styled, styled),)), table([styled], [(Cell(styled, detail=styled, hint=styled),)], styled),
+        Code(styled, styled), Fold(styled, (Note(styled),)),
+    )  # fmt: skip
+    page = _page(*blocks)
+    assert "<script>" not in page and "<b>" not in page.replace('<b class="plain">', "").replace(
+        '<div class="tile plain"><b>', ""
+    )
+    assert styled in _terminal(*blocks, width=200)
+
+
+def test_what_is_for_one_medium_is_not_in_the_other() -> None:
+    blocks = (
+        page_only(Text("on a page")),
+        terminal_only(Text("in a terminal")),
+        table((Column("both"), Column("extra", medium="page")), [("x", "yy"), row("zz", "ww", medium="page")]),
+        Fold("more", (Text("folded"),)),
+        Note("how to read it"),
+    )
+    page, text = _page(*blocks), _terminal(*blocks)
+    for part in ("on a page", "folded", "how to read it", "extra", ">yy<", ">ww<"):
+        assert part in page and part.strip("><") not in text
+    assert "in a terminal" in text and "in a terminal" not in page
+
+
+def test_a_short_row_spans_the_rest_of_the_shown_columns() -> None:
+    failed = table("value | (options) | position | steps", [("1", "a = 1", "2", "3"), ("2", "b = 1", "it failed")])
+    assert re.search(r'colspan="2">it failed', _page(failed))
+    assert "it failed" in _terminal(failed)
+
+
+def test_numbers_stand_to_the_right_and_texts_to_the_left() -> None:
+    found = table("engine | error | law | word", [("1", "1e-3", "1.99 ± 0.01", "ok"), ("2", "–", "none", "broken")])
+    assert [column.align for column in found.columns] == ["left", "right", "right", "left"]
+    assert [column.wrap for column in found.columns] == [False, False, True, False]
+
+
+def test_groups_share_a_heading() -> None:
+    heads = [*columns("cause"), Column("first", group="position [m]"), Column("second", group="position [m]")]
+    assert '<th scope="colgroup" colspan="2">position [m]</th>' in _page(table(heads, [("a", 1.0, 2.0)]))
+
+
+def test_a_table_without_rows_is_not_shown() -> None:
+    empty = table("a | b", [])
+    assert "<table" not in _page(empty) and not _terminal(empty).strip()
+
+
+def test_figures_are_drawn_for_pages_alone() -> None:
+    drawn: list[str] = []
+
+    def plot() -> go.Figure:
+        drawn.append("once")
+        return go.Figure()
+
+    figure = Figure(plot, "Motion", "of all bodies")
+    assert "Motion" not in _terminal(figure) and not drawn
+    assert "Motion" in _page(figure) and drawn == ["once"]
+
+
+def test_markdown_is_what_the_readme_holds() -> None:
+    text = markdown.text(Document("", (Text("Two claims."), table("where | ours [m]", [("Fig. 2", "1|2")], "Table"))))
+    assert text == "Two claims.\n\n**Table**\n\n| where | ours [m] |\n|---|---|\n| Fig. 2 | 1\\|2 |\n"
+
+
+def test_formats_of_numbers() -> None:
+    assert [format_number(value) for value in (None, 0.0, 1.26e-8, -3.0)] == ["–", "0", "1.3e-8", "-3.0e0"]
+    assert [format_step(value) for value in (1e-3, 2.5e-4, 1 / 3, "adaptive")] == ["1e-3", "2.5e-4", "3.333e-1", "–"]
+    assert [format_percent(f) for f in (None, 0.0, 1e-5, 0.0123, -0.2)] == ["–", "0 %", "< 0.1 %", "1.2 %", "-20 %"]
+    assert [format_value(value) for value in (None, True, 1.23456789, 3, "x")] == ["–", "yes", "1.23457", "3", "x"]
+    assert [sentence(text) for text in ("it holds", "g is small", "Done.")] == ["It holds.", "g is small.", "Done."]
