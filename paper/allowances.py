@@ -1,29 +1,44 @@
-"""How far an engine's quantity may lie from ours: its tolerances, carried over to quantities that have none.
+"""Engines on the paper's machines, and how far their quantities may lie from ours.
 
 Tolerances are stated for release times, torques, the energy and the projectile's position. What an error of the
 position means for another quantity is estimated on the machine itself: each parameter is changed a little, and the
 largest ratio of the quantity's change to the largest displacement of the projectile up to the launch is taken. An error
 of the position is then allowed to do to the quantity what a slightly different machine with that error would.
+
+Machines away from Table I are not differentiated so. An error of the projectile's position p that lasts at the end of a
+throw turns with the projectile's velocity, at the rate w of its direction, so that the velocity is allowed p w and the
+acceleration p w^2; the allowance of every quantity follows from those by its own derivatives.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
+from ..comparisons.runs.runner import failure
 from ..comparisons.runs.tolerances import AppliedTolerance, is_table_one, tolerance_for
+from ..comparisons.runs.worker import Worker
 from ..engines.protocol import Engine
+from ..engines.registry import engine
 from ..models.arrays import FloatArray
 from ..models.machines.parameters import TrebuchetParameters
 from ..models.machines.registry import model
 from ..models.machines.trebuchet import PROJECTILE
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
+from ..models.trajectory import Trajectory
 from ..reference.solver import solve
+from ..reference.throw.release import Projectile
 from .quantities import BEND, LAUNCH_TIME, TOTAL_ENERGY, Readings, ThrowQuantity, read
+from .results import EngineValue
 from .sampled import SampledMotion
 
+_Result = TypeVar("_Result")
+TAIL = 0.02  # [s] an engine runs on past what is read, so that there are samples on both sides
 _CHANGE = 1e-6  # of a parameter's scale: far above the solver's rounding, far below what bends a response
 _TOLERANCE = 1e-12  # of the solver for these: a change of 1e-6 is then known to one part in a million
 _TICK = 1e-3  # [s] between samples of the changed machines' motions
@@ -96,3 +111,88 @@ def _applied(engine: Engine, metric: str, mechanism: Mechanism, subject: str | N
     """The tolerance of the tuned preset at the engine's own step."""
     table_one = is_table_one(mechanism)
     return tolerance_for(engine.name, "tuned", metric, subject, mechanism, engine.timestep, table_one=table_one)
+
+
+@dataclass(frozen=True)
+class Allowed:
+    """What an engine's bar allows of the projectile; None where no bar is stated."""
+
+    position: float | None
+    """[m]"""
+    speed: float | None = None
+    """[m/s], a bar of its own"""
+
+
+def allowed(runner: Engine, mechanism: Mechanism) -> Allowed:
+    """The tuned preset's tolerances at its step on a mechanism, as a comparison would judge them."""
+    position, speed = (
+        _applied(runner, "position_max", mechanism, PROJECTILE),
+        _applied(runner, "launch_speed", mechanism),
+    )
+    return Allowed(position and position.value, speed and speed.value)
+
+
+def turning(projectile: Projectile, time: float) -> float:
+    """Rate at which the velocity's direction turns [rad/s]."""
+    _, (vx, vy), (ax, ay) = (part[0] for part in projectile.states(np.array([time])))
+    return float(abs(vx * ay - vy * ax) / (vx * vx + vy * vy))
+
+
+def speed_allowance(bars: Allowed, projectile: Projectile, time: float) -> float | None:
+    """Of the speed at the launch [m/s]: p w, and what the speed changes while the projectile goes p."""
+    if bars.speed is not None or bars.position is None:
+        return bars.speed
+    _, velocity, acceleration = (part[0] for part in projectile.states(np.array([time])))
+    speed = float(np.linalg.norm(velocity))
+    along = abs(float(velocity @ acceleration)) / speed
+    return bars.position * (turning(projectile, time) + along / speed)
+
+
+def attempted(run: Callable[[], _Result]) -> _Result | str:
+    """What a run gives, or why there is nothing: a plug-in may raise anything, and the study must survive it."""
+    try:
+        return run()
+    except Exception as error:
+        return failure(error)[1]
+
+
+def simulated(name: str, mechanism: Mechanism, end: float, worker: Worker | None) -> Trajectory | str:
+    """An engine's tuned run up to `end` [s], or why there is none; in this process if there is no worker."""
+    at = worker or Worker(isolate=False)
+    return attempted(lambda: at.simulate(engine(name), Problem(mechanism, duration=end)))
+
+
+def launches(
+    engines: Sequence[str], projectile: Projectile, launch: float, worker: Worker | None
+) -> tuple[tuple[EngineValue, ...], tuple[EngineValue, ...]]:
+    """Launch speeds [m/s] and least theta - theta(0) [rad] of engines on the reference's machine."""
+    mechanism = projectile.solution.problem.mechanism
+    runs = {name: simulated(name, mechanism, launch + TAIL, worker) for name in engines}
+    speeds = [_speed(name, run, projectile, launch) for name, run in runs.items()]
+    return tuple(speeds), tuple(_back(name, run, mechanism, launch) for name, run in runs.items())
+
+
+def _speed(name: str, run: Trajectory | str, projectile: Projectile, launch: float) -> EngineValue:
+    if isinstance(run, str):
+        return EngineValue(engine=name, value=None, note=run)
+    thrown = run.launch()
+    if thrown is None:
+        return EngineValue(engine=name, value=None, note="its projectile's velocity never comes down to 45 degrees")
+    bars = allowed(engine(name), run.mechanism)
+    return EngineValue(engine=name, value=thrown.speed, tolerance=speed_allowance(bars, projectile, launch))
+
+
+def _back(name: str, run: Trajectory | str, mechanism: Mechanism, launch: float) -> EngineValue:
+    if isinstance(run, str):
+        return EngineValue(engine=name, value=None, note=run)
+    position = allowed(engine(name), mechanism).position
+    # An arm off by an angle moves the sling's pin by that times l1, and the projectile with it.
+    lever = max(math.hypot(*joint.parent_point) for joint in mechanism.joints)
+    return EngineValue(
+        engine=name, value=furthest_back(run, launch), tolerance=None if position is None else position / lever
+    )
+
+
+def furthest_back(trajectory: Trajectory, until: float) -> float:
+    """Least theta - theta(0) up to a time [rad]; 0 where the first coordinate never falls."""
+    return float((trajectory.q[trajectory.t <= until, 0] - trajectory.q[0, 0]).min())

@@ -6,9 +6,8 @@ only the launch and the first blow on that stop are read.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from ..comparisons.runs.worker import Worker
 from ..engines.protocol import Engine
 from ..engines.registry import engine
 from ..models.arrays import FloatArray
-from ..models.errors import InputError, TrebucheckError
+from ..models.errors import InputError
 from ..models.machines.parameters import TrebuchetParameters
 from ..models.machines.registry import model
 from ..models.machines.trebuchet import ARM_STOP
@@ -28,11 +27,10 @@ from ..reference.certification.certify import MinimalMotion
 from ..reference.certification.quantities import BEYOND_LAUNCH, Key, Motion, vacuum_range
 from ..reference.solution import Solution
 from ..reference.solver import solve, solve_to_launch
-from .allowances import Amplification, allowances, amplification
+from .allowances import Amplification, allowances, amplification, attempted
 from .quantities import ARM_ARRIVAL, FIRST_BLOW, LAUNCH_SPEED, LAUNCH_TIME, RANGE, Readings, certified, read
 from .sampled import SampledMotion
 
-_Given = TypeVar("_Given")
 _TAIL = 0.05  # [s] past the last instant that is read, so that polynomials have samples on both sides
 _SAMPLES = 3000  # of the reference, over the whole motion, for what is read along it
 _COARSE = 1e-12  # tolerance of the second integration, for quantities that no certificate holds
@@ -146,22 +144,12 @@ def _carried_over(widths: Readings, noticed: float = 0.0) -> Readings:
     return found | {FIRST_BLOW: widths[ARM_ARRIVAL] + noticed} if ARM_ARRIVAL in widths else found
 
 
-def _attempted(run: Callable[[], _Given]) -> _Given | str:
-    """What a run gives, or why there is nothing."""
-    try:
-        return run()
-    except TrebucheckError as error:
-        return str(error)
-    except Exception as error:  # a plug-in may raise anything; the study must survive it
-        return f"{type(error).__name__}: {error}"
-
-
 def _by(runner: Engine, mechanism: Mechanism, until: float, worker: Worker) -> EngineThrow:
     def run() -> EngineThrow:
         trajectory = worker.simulate(runner, Problem(mechanism, duration=until))
         return EngineThrow(runner.name, read(SampledMotion(trajectory), trajectory), trajectory=trajectory)
 
-    found = _attempted(run)
+    found = attempted(run)
     return EngineThrow(runner.name, note=found) if isinstance(found, str) else found
 
 
@@ -179,7 +167,7 @@ def _finished(
         trajectory = worker.simulate(runner, problem)
         return _read_with_arm_stop(SampledMotion(trajectory), trajectory)
 
-    stopped = _attempted(run)
+    stopped = attempted(run)
     if isinstance(stopped, str):
         return replace(throw, tolerances=tolerances, lacking={StopLaw.UNILATERAL: stopped})
     values, noticed = stopped

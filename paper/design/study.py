@@ -22,9 +22,9 @@ from ...reference.certification.quantities import BEYOND_LAUNCH, Plan, read_quan
 from ...reference.solver import solve
 from ...reference.throw.flight import fly, range_rate
 from ...reference.throw.throw import throw
+from ..allowances import TAIL, allowed, simulated, turning
 from ..results import EngineValue, Quantity
 from ..sampled import SampledMotion
-from ..sweep.engines import TAIL, allowed, simulated, turning
 from ..sweep.study import ENGINES
 from .first_forward_swing import (
     Bounds,

@@ -20,8 +20,8 @@ from ...reference.equations import Equations
 from ...reference.solution import Solution
 from ...reference.solver import solve_to_launch
 from ...reference.throw.release import Projectile
+from ..allowances import furthest_back, launches
 from ..results import Quantity
-from .engines import furthest_back, launches
 from .laws import Places, bilateral, early_crossings, pulls_at_start, release_once, wrong_zero
 from .results import Artefact, Backward, Curve, Neighbourhood, Peak, Position, Regime, Sweep, Swing, Trend
 from .rigid_swing import Whole, gravity_and_inertia, hanger_torque_on_beam, on_beam, zeros_within

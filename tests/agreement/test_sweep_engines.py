@@ -6,10 +6,10 @@ from functools import cache
 
 import pytest
 import trebucheck as tb
+from trebucheck.paper.allowances import allowed, launches
 from trebucheck.paper.design.first_forward_swing import FirstSweep, first_sweep
 from trebucheck.paper.design.study import FIGURES, confirmed
 from trebucheck.paper.results import EngineValue
-from trebucheck.paper.sweep.engines import allowed, launches
 from trebucheck.paper.sweep.study import Beam
 from trebucheck.reference.solver import solve, solve_to_launch
 from trebucheck.reference.throw.release import Projectile
