@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from ..models.errors import InputError
 from . import options, output
-
-if TYPE_CHECKING:
-    from ..paper.results import Study
 
 
 def paper_command(
@@ -36,26 +33,14 @@ def paper_command(
     trebucheck paper --engines mujoco --sections sweep
     """
     from ..models.files import refuse_unwritable
+    from ..paper.report import document
     from ..paper.study import study
 
     if not timeout > 0:
         raise InputError(f"timeout = {timeout!r} s must be positive.")
-    engine_list = options.names(engines, "--engines") if engines else None
+    engine_list = options.engine_names(engines)
     section_list = options.names(sections, "--sections") if sections else None
     refuse_unwritable(out)
     with output.progress("paper") as show:
         judged = study(engine_list, sections=section_list, timeout=timeout, progress=show)
-    _write(judged, out)
-
-
-def _write(study: Study, out: Path) -> None:
-    from ..comparisons.report import html, terminal
-    from ..models.files import write_text
-    from ..paper.report import document
-
-    report = document(study)
-    page = html.page(report)  # rendered before anything is written, so that nothing is left half-written
-    write_text(out / "paper.json", study.to_json())
-    write_text(out / "paper.html", page)
-    terminal.show(report, terminal.console())
-    terminal.console().print(f"\nReport: {out / 'paper.html'}   Data: {out / 'paper.json'}", soft_wrap=True)
+    output.publish((out / "paper.json", judged.to_json()), document(judged), out / "paper.html")

@@ -83,11 +83,6 @@ class Case:
         """As the report names it."""
         return f"{self.engine} {self.preset}"
 
-    @property
-    def record(self) -> str:
-        """Name of its record in the store."""
-        return f"{self.model}-{self.engine}-{self.preset}"
-
 
 def compare(
     models: Iterable[str | Mechanism] = ("fixed", "rolling"),
@@ -195,8 +190,8 @@ class _MachineRuns:
         self.runs: list[Run] = []
         self.motions: dict[str, Callable[[], Trajectory]] = {}
         self._compared: dict[str, Compared] = {}
-        self._files: dict[str, str | None] = {}
-        code = code_digest() if self.store else ""
+        self._files: dict[str, str] = {}
+        code = code_digest() if self.store and self.store.records else ""
         self._conditions = f"{mechanism.content_hash} {study.duration} {study.law.value} {code}"
         kept = self.store.record(mechanism.name, _MachineRecord) if self.store else None
         self._kept = kept if kept is not None and kept.conditions == self._conditions else None
@@ -212,14 +207,15 @@ class _MachineRuns:
         self.runs.append(run)
 
     def _finished(self, case: Case, engine: Engine) -> Run | None:
-        record = self.store.record(case.record, _RunRecord) if self.store else None
-        if self.store is None or record is None or record.conditions != self._run_conditions(case, engine):
+        if self.store is None:
             return None
-        path = self.store.path(case.model, case.label)
-        self._files[case.label] = digest(path)
-        if record.trajectory != self._files[case.label]:
+        store, path = self.store, self.store.path(case.model, case.label)
+        record = store.record(path.stem, _RunRecord)
+        if record is None or record.conditions != self._run_conditions(case, engine):
             return None
-        store = self.store
+        if record.trajectory != digest(path):
+            return None
+        self._files[case.label] = record.trajectory
         self.motions[case.label] = lambda: store.load(case.model, case.label)
         return record.run
 
@@ -250,8 +246,8 @@ class _MachineRuns:
         run = run.model_copy(update={"metrics": metrics, "steps": made.steps, "wall_time": made.wall_time})
         run = run.model_copy(update={"metrics": judge(run, self.machine, self._peaks)})
         if run.broken:
-            run = run.model_copy(update={"outcome": Outcome.BROKEN})
-            run = run.model_copy(update={"diagnosis": self._diagnosed(run, trajectory, engine)})
+            diagnosis = self._diagnosed(run, trajectory, engine)
+            run = run.model_copy(update={"outcome": Outcome.BROKEN, "diagnosis": diagnosis})
         self.motions[case.label] = lambda: trajectory
         self._compared[case.label] = Compared.of(trajectory, reference)
         self._keep(case, engine, run)
@@ -271,10 +267,10 @@ class _MachineRuns:
         """Write what was measured, for a trajectory that is in the store."""
         if self.store is None or self.store.records is None:
             return
-        file = digest(self.store.path(case.model, case.label)) or ""
-        self._files[case.label] = file
+        path = self.store.path(case.model, case.label)
+        file = self._files[case.label] = digest(path) or ""
         conditions = self._run_conditions(case, engine)
-        self.store.keep_record(case.record, _RunRecord(conditions=conditions, trajectory=file, run=run))
+        self.store.keep_record(path.stem, _RunRecord(conditions=conditions, trajectory=file, run=run))
 
     def _diagnosed(self, run: Run, trajectory: Trajectory, engine: Engine) -> Diagnosis | None:
         solution, end, simulate = self.runner.solution, self.runner.end, self.runner.worker.simulate
@@ -295,10 +291,9 @@ class _MachineRuns:
         for labels in combinations(self.motions, 2):
             key = ", ".join(f"{label}: {self._files.get(label)}" for label in labels)
             pairs[key] = kept.get(key) or self._pair(*labels)
-        if pairs != kept:
-            self.repeated = False
+        self.repeated = self.repeated and pairs.keys() <= kept.keys()
         if self.store and not self.repeated:
-            record = _MachineRecord(conditions=self._conditions, machine=self.machine, pairs=pairs)
+            record = _MachineRecord(conditions=self._conditions, machine=self.machine, pairs=kept | pairs)
             self.store.keep_record(self.machine.model, record)
         return list(pairs.values())
 
