@@ -71,7 +71,7 @@ class System:
         self.main.SetObjectParameter(self.stops[stop], "offset", offset)
 
     def local(self, body: str, point: Vector) -> list[float]:
-        """A point of a body from its centre of mass, where Exudyn's node stands [m]."""
+        """A point of a body from its centre of mass, where Exudyn's node is [m]."""
         if body == GROUND:
             return [*point, 0.0]
         centre = self.mechanism.body(body).centre
@@ -104,7 +104,7 @@ def build(
         law: of the stops; under the unilateral one those that are open at the start are built, too.
 
     Raises:
-        UnsupportedProblemError: a closed stop's gap changes at the start, or a slot or a stop is on the ground itself.
+        UnsupportedProblemError: a closed stop's gap changes at the start, or a stop is on a point of the ground.
     """
     _refuse_what_cannot_be_built(mechanism)
     container = exu.SystemContainer()
@@ -117,9 +117,6 @@ def _refuse_what_cannot_be_built(mechanism: Mechanism) -> None:
     for stop in mechanism.point_stops:
         if stop.body == GROUND:
             raise UnsupportedProblemError(f"exudyn cannot build {stop.name!r}: a stop on a point of the ground.")
-    for joint in mechanism.joints:
-        if isinstance(joint, SlotJoint) and joint.child == GROUND:
-            raise UnsupportedProblemError(f"exudyn cannot build {joint.name!r}: a slot in the ground holds the ground.")
 
 
 @dataclass(frozen=True)

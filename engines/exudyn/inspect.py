@@ -1,4 +1,4 @@
-"""What the built Exudyn system says of itself: its own matrices and outputs, in the mechanism's coordinates.
+"""The built Exudyn system in single states: its own matrices and outputs, in the mechanism's coordinates.
 
 A state q is set by placing Exudyn's bodies, z(q); J = dz/dq carries its matrices back, M = J^T M_z J and
 f = J^T (f_z - M_z dJ/dt u). Accelerations and torques are solutions of Exudyn's own constrained equations, where J
@@ -25,7 +25,7 @@ from .solver import Solver
 
 
 def inspect(mechanism: Mechanism, states: Sequence[State], options: ExudynOptions) -> Inspection:
-    """Build as a run would, and look.
+    """Build the system as a run would, and inspect it.
 
     Raises:
         InputError: a state closes a stop that is open at the start.
@@ -43,9 +43,9 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: ExudynOption
 
 
 def _springs(mechanism: Mechanism, options: ExudynOptions) -> dict[str, Spring] | None:
-    """Springs whose torque is set, in each state, to what holds the stop at rest; no damper has a say then.
+    """Springs whose torque is set, in each state, to that of the closed stop at rest, where dampers have no effect.
 
-    Nor has the stiffness, but for rounding: a stiff spring would make noise of the last digits of the two angles.
+    The stiffness has none either, but for rounding: a stiff spring would amplify the last digits of the two angles.
     """
     if options.stop_stiffness is None:
         return None
@@ -60,7 +60,7 @@ class _Inspector:
         self.rows = [self.kinematics.point(body.name, body.centre) for body in system.mechanism.bodies]
 
     def inspection(self, states: Sequence[State]) -> Inspection:
-        """Everything asked for."""
+        """All quantities, in each state."""
         with matrices(self.system) as here:
             start = self._reader()
             reference = self._places(start) - self.solver.state(start.table, 0).coordinates
@@ -95,11 +95,11 @@ class _Inspector:
                 raise InputError(f"closed = {name!r} is no stop that is closed at the start; those are: {known}.")
 
     def _show(self, here: Matrices, solved: Solved, closed: tuple[str, ...]) -> None:
-        """Give Exudyn the solution, so that its outputs tell it."""
+        """Give Exudyn the solution, from which its outputs follow."""
         data, current = self.system.main.systemData, exu.ConfigurationType.Current
         data.SetODE2Coordinates_tt(solved.accelerations, current)
         self.system.set_active(closed)
-        here.hold(closed, solved.stops)
+        here.set_multipliers(closed, solved.stops)
 
     @property
     def _names(self) -> tuple[str, ...]:

@@ -113,7 +113,7 @@ class Matrices:
         n_joints = len(multipliers) - len(active)
         return Solved(accelerations, multipliers[:n_joints], multipliers[n_joints:])
 
-    def hold(self, active: Contacts, stops: FloatArray) -> None:
+    def set_multipliers(self, active: Contacts, stops: FloatArray) -> None:
         """Make Exudyn's outputs those of active stops with these multipliers."""
         if self.system.springs:
             for name, multiplier in zip(active, stops.tolist(), strict=True):
@@ -149,7 +149,7 @@ class Matrices:
         return found[:, :n], np.diag(found[:, n:])
 
     def _stop_rows(self, name: str) -> list[int]:
-        """Equations of a stop's connector; the first is its gap's (a second one, of a wall, only keeps a zero)."""
+        """Equations of a stop's connector; the first is its gap's (a point contact's second one is always zero)."""
         return list(self.system.main.systemData.GetObjectLTGAE(self.system.stops[name]))
 
 
@@ -162,7 +162,7 @@ def solve_constrained(
         SimulationError: a constraint follows from the others, or a body has no inertia of its own or by its joints.
     """
     if np.linalg.matrix_rank(jacobian) < len(jacobian):
-        raise SimulationError("exudyn's constraints are redundant: their forces cannot be told apart.")
+        raise SimulationError("exudyn's constraints are redundant: their forces are not unique.")
     n, scale = len(mass), float(np.abs(mass).max())
     kkt = np.zeros((n + len(jacobian), n + len(jacobian)))
     kkt[:n, :n] = mass

@@ -1,4 +1,4 @@
-"""From a table of Exudyn's sensors to what is recorded."""
+"""Reading a table of Exudyn's sensors, in the mechanism's coordinates, names and signs."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class Reader:
         return turned(self.plane("joint", name, "ForceLocal"), rotation)
 
     def gap(self, name: str) -> FloatArray:
-        """How far the points of a joint, or the point and the slot's line, stand apart [m], shape (n,)."""
+        """Constraint drift: distance of a joint's points, or of the point from the slot's line [m], shape (n,)."""
         joint = self._joint(name)
         if isinstance(joint, SlotJoint):
             return np.abs(self._from_slot(joint) @ np.array([-joint.axis[1], joint.axis[0]]))

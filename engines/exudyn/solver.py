@@ -20,7 +20,7 @@ from .build import System, exu
 from .constraints import SensorKey, Values
 from .options import ExudynOptions
 
-_EVERY_STEP = 1e-12  # [s] sensors are written every 0.01 s unless told; this is below any step
+_EVERY_STEP = 1e-12  # [s] the default is 0.01 s; this is below any step
 _SAME_TIME = 1e-9  # of the run's last time
 _DIFFERENCE = 3e-5  # relative step of Exudyn's difference quotients: 1e-6 to 1e-4 do as well
 
@@ -124,10 +124,10 @@ class Solver:
             active: stops that act.
             end: time of the last step's end [s].
             steps: number of equal steps.
-            monitor: looks on after every step.
+            monitor: called after every step.
 
         Raises:
-            SimulationError: a step failed, or the end was not reached although nobody stopped the run.
+            SimulationError: a step failed, or the end was not reached although the monitor did not stop the run.
         """
         balance = self.balance(state, active)
         self._set(state, balance.accelerations)

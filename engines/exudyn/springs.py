@@ -1,4 +1,4 @@
-"""Stops as springs: what they carry at the start, and how they are damped."""
+"""Stops as springs: their torques at the start and their damping."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .constraints import Spring
 from .matrices import Matrices, matrices, solve_constrained
 from .solver import Solver, State
 
-_DIGITS = 1e-4  # of the largest torque, that are to stand above the rounding
+_DIGITS = 1e-4  # of the largest torque: the rounding error must be smaller
 
 
 def springs(
@@ -30,10 +30,10 @@ def springs(
         state: the start.
         active: stops that push there.
         stiffness: of each spring [N m/rad, or N/m on a point].
-        damping_ratio: of each spring, with the inertia that the stop holds at the start; 1 is critical.
+        damping_ratio: of each spring, with the inertia that the stop carries at the start; 1 is critical.
 
     Raises:
-        InputError: so stiff a spring would turn the rounding of angles or places into forces that matter.
+        InputError: so stiff a spring would turn the rounding of angles or positions into forces that matter.
     """
     row = solver.balance(state, active).row
     torques = {name: solver.torque(row, name) for name in active}
@@ -49,7 +49,7 @@ def springs(
 
 
 def _refuse_noise(solver: Solver, row: FloatArray, stiffness: float, name: str, torques: Mapping[str, float]) -> None:
-    """Of the rounding of angles against the largest torque, of the rounding of a point's place against its force."""
+    """Refuse a stiffness that turns the rounding of angles or positions into a torque or force that matters."""
     mechanism, stop = solver.system.mechanism, solver.system.mechanism.stop(name)
     largest = max(t for other, t in torques.items() if mechanism.stop(other).force_unit == stop.force_unit)
     rounding = solver.system.constraints[name].rounding(solver.values(row))

@@ -22,9 +22,9 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
     a limit is taken out of the model when it releases, and those open at the start are out from the beginning;
     under the unilateral law all stay in, and an impact is that of a stiff, damped spring, spread over some steps.
 
-    Stops on points are frictionless contacts of a ball with a plane, slots that close a loop are two of them, pins
-    that do are `connect` equalities. MuJoCo holds points only roughly: it leaves (dJ/dt) qvel out of contacts, and a
-    stiff reference acceleration, scaled with the step, follows the errors of RK4's inner stages. The tuned preset
+    Stops on points are frictionless contacts of a sphere with a plane, slots that close a loop are two of them,
+    pins that do are `connect` equalities. MuJoCo leaves (dJ/dt) qvel out of contacts, and a stiff
+    reference acceleration, scaled with the step, follows the errors of RK4's inner stages. The tuned preset
     corrects both in `mjcb_control` (:mod:`.reference_acceleration`); points then give way by some 1e-9 m at 1e-3 s.
 
     The stock preset leaves every limit in the model for the whole run, as a newcomer would, whatever the law: it

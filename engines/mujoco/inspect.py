@@ -37,7 +37,7 @@ _SETTLED = 1e-14  # change of the torques in a round, of the largest: rounding
 
 
 def inspect(mechanism: Mechanism, states: Sequence[State], options: MujocoOptions) -> Inspection:
-    """Look at the built model in each state.
+    """Inspect the built model in each state.
 
     Raises:
         SimulationError: MuJoCo refuses the model.
@@ -62,7 +62,7 @@ def _at_rest(mechanism: Mechanism, options: MujocoOptions) -> Any:
 
 @dataclass(frozen=True)
 class _Built:
-    """The model and data to look at it with; u = C qvel and q = start + C qpos, as trajectories are read."""
+    """The model and its data; u = C qvel and q = start + C qpos, as trajectories are read."""
 
     mechanism: Mechanism
     model: Any
@@ -90,7 +90,7 @@ class _Built:
         return np.asarray(np.linalg.inv(self.sums), dtype=np.float64)
 
     def start(self) -> tuple[FloatArray, FloatArray]:
-        """The keyframe's q and u: angles as the bodies stand in the world, to the turn the mechanism names."""
+        """The keyframe's q and u: absolute angles of the bodies, with the full turns of the mechanism's start."""
         data = start_data(self.model)
         mujoco.mj_kinematics(self.model, data)
         q = [self._angle(data, body.name) for body in self.mechanism.bodies]

@@ -76,8 +76,8 @@ class _Reader:
     def reactions(self, q: FloatArray) -> dict[str, FloatArray]:
         """Forces on the children in the world frame [N]: MuJoCo gives those of the tree in the child's frame.
 
-        A joint that closes a loop holds a welded body without mass, whose force from the body it is welded to is
-        MuJoCo's: the joint's is the opposite.
+        A joint that closes a loop is on a massless welded body; MuJoCo's sensor gives the force on that body from the
+        body it is welded to, the opposite of the joint's.
         """
         angles = {body.name: q[:, i] for i, body in enumerate(self.mechanism.bodies)}
         tree = {joint.name: self._in_world(joint, angles) for joint in self.mechanism.tree_joints}

@@ -3,7 +3,7 @@
 Chipmunk has no massless body and no inertia of zero, so each body of the mechanism is represented by one that moves
 in the same way (equal mass, first and second moment about its pin):
 
-- a *bob*: a body that hangs on another one is a point mass at its centre of oscillation, on a massless rod, and the
+- a *bob*: a body that is pinned to another one is a point mass at its centre of oscillation, on a massless rod, and the
   rest of its mass is at the pin, in the other body. A point mass on a massless rod is its own bob.
 - a *turning* body keeps its inertia. Where it is pinned to the ground, mass at the pin never moves: a large mass there
   brings the centre close to the pin, so that the pin's impulses hardly couple with those of the other joints.
@@ -179,7 +179,7 @@ class _Builder:
         if own.inertia <= 0:
             raise UnsupportedProblemError(
                 f"pymunk cannot turn the body {body.name!r}, whose inertia is 0: it can only be a point mass at "
-                f"the end of a rod, with all that hangs on it or holds it at that mass."
+                f"the end of a rod, with all joints and stops on it at that mass."
             )
         pinned = joint.parent == GROUND and isinstance(joint, PinJoint)
         return own.with_pivot_mass(complex(*joint.child_point), self.pivot_mass) if pinned else own
@@ -303,8 +303,8 @@ class _Builder:
             rod = self._brace(bobs[0])
             return rod.joint, rod
         raise UnsupportedProblemError(
-            f"pymunk cannot hold the stop {stop.name!r}: a point mass on a rod can only be held against the "
-            f"body it hangs on, which must be able to turn."
+            f"pymunk cannot hold the stop {stop.name!r}: a point mass on a rod can only be stopped relative to the "
+            f"body that it is pinned to, which must be able to turn."
         )
 
     def _gear(self, stop: Stop) -> constraints.GearJoint:
@@ -314,7 +314,7 @@ class _Builder:
         return constraints.GearJoint(a, b, b.angle - a.angle, 1.0)
 
     def _brace(self, bob: str) -> Rod:
-        """A rod across the bob's own, of the same length, from the body it hangs on."""
+        """A rod across the bob's own, of the same length, from the body that the bob is pinned to."""
         joint, part = self.joints[bob], self.assembly.parts[bob]
         angle = dict(zip((b.name for b in self.mechanism.bodies), self.mechanism.start, strict=False)) | {GROUND: 0.0}
         along = (part.reference - part.pin) * cmath.exp(-1j * (angle[bob] - angle[joint.parent]))
@@ -330,8 +330,8 @@ def _oscillator(own: _Weights, pin: complex) -> tuple[_Weights, float]:
     """The point mass that swings about the pin like the body, and the mass that is left on the pin [kg]."""
     arm = own.centre - pin
     about_pin = own.inertia + own.mass * abs(arm) ** 2
-    stretch = about_pin / (own.mass * abs(arm) ** 2)
-    return _Weights(own.mass / stretch, pin + stretch * arm, 0.0), own.mass * (1 - 1 / stretch)
+    ratio = about_pin / (own.mass * abs(arm) ** 2)
+    return _Weights(own.mass / ratio, pin + ratio * arm, 0.0), own.mass * (1 - 1 / ratio)
 
 
 def _pair(vector: FloatArray) -> tuple[float, float]:

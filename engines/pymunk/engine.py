@@ -19,8 +19,8 @@ _LIBRARY_ERROR_BIAS = (1.0 - 0.1) ** 60
 class PymunkEngine(PymunkOptions, BuiltinEngine):
     """Chipmunk's impulse solver.
 
-    A step moves the bodies with their old velocities and then finds impulses at the new place. Read as a leapfrog
-    (positions and forces at t = k h, velocities half a step later) it is of second order; read as it comes it is of
+    A step moves the bodies with their old velocities and then finds impulses at the new position. Read as a leapfrog
+    (positions and forces at t = k h, velocities half a step later) it is of second order; read directly it is of
     first order. Massless rods with a mass at their end are point masses on PinJoints; a closed stop on an angle is one
     more PinJoint that braces such a rod, or a GearJoint between two bodies that can turn; a point on a line (a slot, a
     trough) hangs on a PinJoint across it, whose anchor moves along; a stop that releases is removed. At an impact the

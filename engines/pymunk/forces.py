@@ -103,13 +103,13 @@ def _share(stop: Stop, body: str) -> float:
 def _couple(reading: Reading, name: str, reactions: Mapping[str, ComplexArray]) -> FloatArray:
     """Clockwise couple that acts on a body besides gravity and the tree's forces [N m]."""
     body, frame = reading.mechanism.body(name), reading.frames[name]
-    centre = reading.point(name, body.centre).place
+    centre = reading.point(name, body.centre).position
     couple = body.inertia * frame.a
     for joint in reading.mechanism.tree_joints:
         if joint.child == name:
-            couple = couple + _cross(reading.point(name, joint.child_point).place - centre, reactions[joint.name])
+            couple = couple + _cross(reading.point(name, joint.child_point).position - centre, reactions[joint.name])
         elif joint.parent == name:
-            couple = couple - _cross(reading.point(name, joint.parent_point).place - centre, reactions[joint.name])
+            couple = couple - _cross(reading.point(name, joint.parent_point).position - centre, reactions[joint.name])
     return couple
 
 

@@ -115,7 +115,7 @@ def _set_targets(assembly: Assembly) -> None:
 class _End:
     """The end of a joint on a body: position [m], velocity [m/s], acceleration at constant rates [m/s^2]."""
 
-    place: complex
+    position: complex
     velocity: complex
     centripetal: complex
 
@@ -131,16 +131,16 @@ def _lengthening(rod: Rod) -> float:
     |d|'' = n . d'' + (n x d')^2 / |d| with n = d / |d|; an anchor that moves along a line leaves no d' across.
     """
     a, b = _End.of(rod.joint.a, rod.joint.anchor_a), _End.of(rod.joint.b, rod.joint.anchor_b)
-    apart, velocity = b.place - a.place, b.velocity - a.velocity
-    distance = abs(apart)
-    along = apart.conjugate() / distance
+    difference, velocity = b.position - a.position, b.velocity - a.velocity
+    distance = abs(difference)
+    along = difference.conjugate() / distance
     across = 0.0 if rod.axis is not None else (along * velocity).imag
     return (along * (b.centripetal - a.centripetal)).real + across**2 / distance
 
 
 def _centre(reading: Reading, body: str) -> FloatArray:
-    place = reading.point(body, reading.mechanism.body(body).centre).place[0]
-    return np.array([place.real, place.imag])
+    position = reading.point(body, reading.mechanism.body(body).centre).position[0]
+    return np.array([position.real, position.imag])
 
 
 def _gap(built: Assembly, stop: Stop | PointStop, reading: Reading) -> float:
@@ -148,8 +148,8 @@ def _gap(built: Assembly, stop: Stop | PointStop, reading: Reading) -> float:
     joint = built.stops[stop.name]
     if isinstance(stop, PointStop):
         rod = next(rod for rod in built.rods if rod.joint is joint)
-        apart = complex(reading.point(stop.body, stop.point).place[0]) - complex(*rod.end_a)
-        return (apart * complex(*stop.normal).conjugate()).real - rod.length
+        difference = complex(reading.point(stop.body, stop.point).position[0]) - complex(*rod.end_a)
+        return (difference * complex(*stop.normal).conjugate()).real - rod.length
     q = {name: float(frame.q[0]) for name, frame in reading.frames.items()} | {GROUND: 0.0}
     between = q[stop.body] - q[stop.relative_to]
     if isinstance(joint, constraints.GearJoint):

@@ -21,7 +21,7 @@ from .build import Assembly, Part
 class Samples:
     """Engine bodies at the sample times, each array of shape (n, n_bodies); planar vectors are complex."""
 
-    place: ComplexArray
+    position: ComplexArray
     """[m]"""
     angle: FloatArray
     """Counter-clockwise [rad]."""
@@ -37,9 +37,9 @@ class Samples:
 
 @dataclass(frozen=True)
 class PointState:
-    """A point at the sample times: place [m], velocity [m/s], acceleration [m/s^2], complex, shape (n,)."""
+    """A point at the sample times: position [m], velocity [m/s], acceleration [m/s^2], complex, shape (n,)."""
 
-    place: ComplexArray
+    position: ComplexArray
     velocity: ComplexArray
     acceleration: ComplexArray
 
@@ -58,7 +58,7 @@ class Frame:
         """A point given in the body's frame [m]."""
         arm = (local - self.reference) * np.exp(-1j * self.q)
         return PointState(
-            self.at.place + arm,
+            self.at.position + arm,
             self.at.velocity - 1j * self.u * arm,
             self.at.acceleration - (1j * self.a + self.u**2) * arm,
         )
@@ -87,12 +87,12 @@ class Reading:
         """A point of a body, or of the ground."""
         if body != GROUND:
             return self.frames[body].point(complex(*local))
-        rest = np.zeros(len(self.samples.place), dtype=np.complex128)
+        rest = np.zeros(len(self.samples.position), dtype=np.complex128)
         return PointState(rest + complex(*local), rest, rest)
 
     def _body(self, i: int) -> PointState:
         s = self.samples
-        return PointState(s.place[:, i], s.velocity[:, i], s.acceleration[:, i])
+        return PointState(s.position[:, i], s.velocity[:, i], s.acceleration[:, i])
 
     def _turning(self, i: int, part: Part) -> Frame:
         s = self.samples
@@ -102,7 +102,7 @@ class Reading:
         """A bob's rod points from its pin to its mass: rod = arm exp(-i q)."""
         joint = next(joint for joint in self.mechanism.tree_joints if joint.child == part.name)
         pin, bob = self.point(joint.parent, joint.parent_point), self._body(i)
-        rod = bob.place - pin.place
+        rod = bob.position - pin.position
         q = np.unwrap(-np.angle(rod / (part.reference - part.pin)))
         near = self.mechanism.start[i] if self.near is None else float(self.near[i])
         turns = round((near - float(q[0])) / (2 * np.pi))
@@ -116,7 +116,7 @@ class Reading:
         u = [self.frames[body.name].u for body in self.mechanism.bodies]
         for joint in self.mechanism.slides:
             pin, axis = self.point(joint.child, joint.child_point), complex(*joint.axis)
-            q.append(((pin.place - complex(*joint.parent_point)) * axis.conjugate()).real)
+            q.append(((pin.position - complex(*joint.parent_point)) * axis.conjugate()).real)
             u.append((pin.velocity * axis.conjugate()).real)
         return np.stack(q, axis=-1), np.stack(u, axis=-1)
 
@@ -125,16 +125,16 @@ class Reading:
         found: dict[str, PointMotion] = {}
         for marker in self.mechanism.markers:
             at = self.point(marker.body, marker.point)
-            found[marker.name] = PointMotion(as_vectors(at.place), as_vectors(at.velocity))
+            found[marker.name] = PointMotion(as_vectors(at.position), as_vectors(at.velocity))
         return found
 
     def energies(self) -> tuple[FloatArray, FloatArray]:
         """Kinetic and potential energy [J], shape (n,)."""
-        kinetic, potential = np.zeros(len(self.samples.place)), np.zeros(len(self.samples.place))
+        kinetic, potential = np.zeros(len(self.samples.position)), np.zeros(len(self.samples.position))
         for body in self.mechanism.bodies:
             centre = self.point(body.name, body.centre)
             kinetic += 0.5 * (body.mass * np.abs(centre.velocity) ** 2 + body.inertia * self.frames[body.name].u ** 2)
-            potential += body.mass * self.mechanism.gravity * centre.place.imag
+            potential += body.mass * self.mechanism.gravity * centre.position.imag
         return kinetic, potential
 
     def accelerations(self) -> FloatArray:
@@ -150,14 +150,14 @@ class Reading:
         found: dict[str, FloatArray] = {}
         tree = self.mechanism.tree_joints
         for joint in self.mechanism.joints:
-            parent = self.point(joint.parent, joint.parent_point).place
-            apart = self.point(joint.child, joint.child_point).place - parent
+            parent = self.point(joint.parent, joint.parent_point).position
+            difference = self.point(joint.child, joint.child_point).position - parent
             if isinstance(joint, SlotJoint):
-                apart = (apart * complex(*joint.axis).conjugate()).imag
+                difference = (difference * complex(*joint.axis).conjugate()).imag
             elif joint in tree and not self.assembly.parts[joint.child].turns:
                 part = self.assembly.parts[joint.child]
-                apart = np.abs(self.frames[joint.child].at.place - parent) - abs(part.reference - part.pin)
-            found[joint.name] = np.abs(apart)
+                difference = np.abs(self.frames[joint.child].at.position - parent) - abs(part.reference - part.pin)
+            found[joint.name] = np.abs(difference)
         return found
 
 
@@ -172,10 +172,10 @@ def samples_of(states: FloatArray, h: float, leapfrog: bool) -> Samples:
         h: the step [s].
         leapfrog: velocities of row k are at (k + 1/2) h, not at k h.
     """
-    place, rates = states[1:, :, 0] + 1j * states[1:, :, 1], states[..., 3] + 1j * states[..., 4]
+    position, rates = states[1:, :, 0] + 1j * states[1:, :, 1], states[..., 3] + 1j * states[..., 4]
     spins, share = states[..., 5], 0.5 if leapfrog else 1.0
     return Samples(
-        place=place,
+        position=position,
         angle=states[1:, :, 2],
         velocity=share * rates[1:] + (1 - share) * rates[:-1],
         spin=share * spins[1:] + (1 - share) * spins[:-1],

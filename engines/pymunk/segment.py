@@ -168,7 +168,7 @@ class Segment:
 
 
 def _refuse_lost_joints(mechanism: Mechanism, gaps: Mapping[str, FloatArray], t: FloatArray) -> None:
-    """Impulses that do not converge can throw bodies apart without a number that is not finite."""
+    """Impulses that do not converge can separate the bodies although all numbers stay finite."""
     joints = [point for joint in mechanism.joints for point in (joint.parent_point, joint.child_point)]
     reach = sum(math.hypot(*point) for point in (*joints, *(body.centre for body in mechanism.bodies)))
     for name, gap in gaps.items():
@@ -176,7 +176,7 @@ def _refuse_lost_joints(mechanism: Mechanism, gaps: Mapping[str, FloatArray], t:
         if len(lost):
             raise SimulationError(
                 f"pymunk lost the joint {name!r}: its points are {gap[lost[0]]:.3g} m apart at t = {t[lost[0]]:.6g} s; "
-                f"a shorter timestep or more iterations may hold it."
+                f"a shorter timestep or more iterations may help."
             )
 
 

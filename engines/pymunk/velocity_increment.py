@@ -50,8 +50,8 @@ def _increment(assembly: Assembly, positions: Sequence[_Position], before: Float
             break
     if not change <= _ENOUGH:
         raise SimulationError(
-            f"pymunk cannot hold {assembly.mechanism.name!r} in one place: its impulses are not settled after "
-            f"{assembly.space.iterations} passes; its masses differ too much for them."
+            f"pymunk's impulses on {assembly.mechanism.name!r} are not settled after "
+            f"{assembly.space.iterations} passes: its masses differ too much for them."
         )
     return increment
 
@@ -80,7 +80,7 @@ def reading_of(assembly: Assembly, accelerations: FloatArray | None = None) -> R
     rates = rates_of(assembly)
     rates, changes = rates.T, (np.zeros_like(rates) if accelerations is None else accelerations).T
     samples = Samples(
-        place=np.array([[complex(*body.position) for body in assembly.bodies]]),
+        position=np.array([[complex(*body.position) for body in assembly.bodies]]),
         angle=np.array([[body.angle for body in assembly.bodies]]),
         velocity=(rates[0] + 1j * rates[1])[None],
         spin=rates[2][None],
