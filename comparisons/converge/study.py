@@ -34,7 +34,7 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
     Args:
         study: mechanisms, engines (all known ones but the reference if None; those not installed are listed as
             absent), and how they are run. Its presets and options are not used: each swept parameter has its own.
-        chosen: names of swept parameters (:func:`.parameters.knob_names`); all if left out.
+        chosen: names of swept parameters (:func:`.parameters.parameter_names`); all if left out.
 
     Raises:
         InputError: a name or value is not valid, or there is nothing to do. A failed run is a failed point.
@@ -177,7 +177,7 @@ class _Sweep:
             return _whole(self.trial({**options, **change}, 1), quantity)
 
         value, error = at
-        swept, constraints = tuple(self.knob.options(self.knob.values[0])), ConstraintKinds.of(self.trials.mechanism)
+        swept, constraints = tuple(self.knob.options(self.knob.values[0])), ConstraintKinds.of(self.machine.mechanism)
         site = Site(self.name, self.engine(options).settings, swept, error, value, measure, constraints)
         return floor(site, self.uncertainty[quantity], finer)
 

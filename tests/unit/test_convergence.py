@@ -322,6 +322,16 @@ def test_plugins_are_studied_and_failures_are_points(studies: Studies) -> None:
     assert not re.search(r"<(script|link|img)[^>]+(src|href)=.(https?:)?//", text), "the page must need nothing else"
 
 
+def test_what_sets_a_floor_is_looked_for_by_the_engine_itself() -> None:
+    """pymunk's iterations converge soon: what is left is set by the time step."""
+    if not tb.engines()["pymunk"].installed:
+        pytest.skip("pymunk is not installed here")
+    found = converge(Study([tb.fixed()], ["pymunk"], isolate=False), ["iterations"])
+    explained = found.machines[0].studies[0].curve("position").floor
+    assert explained is not None and explained.cause == "time step"
+    assert "half the time step leaves 0.25" in explained.evidence
+
+
 def test_the_data_keep_to_the_published_schema(studies: Studies) -> None:
     published = files("trebucheck.comparisons").joinpath("schemas/converge.schema.json").read_text(encoding="utf-8")
     assert published == schema_text(Studies), "run docs/generate.py"
