@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import pytest
 import trebucheck as tb
@@ -16,7 +18,7 @@ from trebucheck.comparisons.recommend.candidates import option_sets
 from trebucheck.comparisons.recommend.snippets import snippets
 from trebucheck.comparisons.report.plots import engine_colour
 from trebucheck.engines.registry import engine_class
-from trebucheck.engines.study import ConstraintKinds
+from trebucheck.engines.study import ConstraintKinds, EngineStudy
 
 ROOM = Path(__file__).parents[2] / "engines" / "pymunk"
 COPY, PACKAGE, COLOUR, NEED = "pymunk-copy", "pymunk_copy", "#123456", "the copy's own need"
@@ -85,3 +87,12 @@ def test_its_causes_parameters_option_sets_snippets_and_colour_are_its_own() -> 
     assert texts["pymunk in Python"] == originals["pymunk in Python"]
     assert f"--engine {COPY} " in texts["trebucheck on the command line"]
     assert engine_colour(COPY) == COLOUR
+
+
+def test_the_documented_example_of_a_study_is_one() -> None:
+    text = (ROOM.parents[1] / "docs" / "extending.md").read_text()
+    scope: dict[str, Any] = {}
+    exec(re.findall(r"```python\n(.*?)```", text, re.DOTALL)[0], scope)
+    assert isinstance(scope["STUDY"], EngineStudy)
+    for field in fields(EngineStudy):
+        assert f"`{field.name}" in text, f"docs/extending.md does not say what {field.name} is"
