@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from ..models.arrays import FloatArray
-from .equations import Equations
+from .equations import Equations, kkt_matrix
 
 
 def solve_lcp(matrix: FloatArray, offset: FloatArray) -> FloatArray:
@@ -87,7 +87,6 @@ def _delassus(
 
 def _response(equations: Equations, q: FloatArray, force: FloatArray) -> FloatArray:
     """Accelerations (or speed jumps) that a generalized force (or impulse) alone causes, with the loop joints."""
-    mass, loops = equations.mass_matrix(q), equations.constraint_jacobian(q, ())
-    n_q, n_l = len(q), len(loops)
-    kkt = np.block([[mass, -loops.T], [loops, np.zeros((n_l, n_l))]])
-    return np.asarray(np.linalg.solve(kkt, np.concatenate([force, np.zeros(n_l)]))[:n_q], dtype=np.float64)
+    kkt = kkt_matrix(equations.mass_matrix(q), equations.constraint_jacobian(q, ()))
+    right = np.concatenate([force, np.zeros(len(kkt) - len(q))])
+    return np.asarray(np.linalg.solve(kkt, right)[: len(q)], dtype=np.float64)

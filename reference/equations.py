@@ -100,17 +100,23 @@ class Equations:
         quadratic = self._quadratic(rates)
         mass = quadratic.real + self._inertias
         forces = (rates.conj() * self._weights).real - self._bias(quadratic, u)
-        n_q, n_c = q.shape[-1], self.n_loops + len(closed)
-        if n_c == 0:
+        n_q = q.shape[-1]
+        if self.n_loops + len(closed) == 0:
             return _solve(mass, forces), np.zeros((*q.shape[:-1], 0))
         jacobian = self.constraint_jacobian(q, closed)
-        kkt = np.zeros((*q.shape[:-1], n_q + n_c, n_q + n_c))
-        kkt[..., :n_q, :n_q] = mass
-        kkt[..., :n_q, n_q:] = -np.swapaxes(jacobian, -1, -2)
-        kkt[..., n_q:, :n_q] = jacobian
         right = np.concatenate([forces, -self.constraint_bias(q, u, closed)], axis=-1)
-        solution = _solve(kkt, right)
+        solution = _solve(kkt_matrix(mass, jacobian), right)
         return solution[..., :n_q], solution[..., n_q:]
+
+
+def kkt_matrix(mass: FloatArray, jacobian: FloatArray) -> FloatArray:
+    """((M, -G^T), (G, 0)), shape (..., n_q + n_constraints, n_q + n_constraints)."""
+    n_q, n_c = mass.shape[-1], jacobian.shape[-2]
+    kkt = np.zeros((*mass.shape[:-2], n_q + n_c, n_q + n_c))
+    kkt[..., :n_q, :n_q] = mass
+    kkt[..., :n_q, n_q:] = -np.swapaxes(jacobian, -1, -2)
+    kkt[..., n_q:, :n_q] = jacobian
+    return kkt
 
 
 def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:

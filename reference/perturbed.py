@@ -1,7 +1,7 @@
-"""The reference with a fault in it, for deviations to be compared with.
+"""The reference perturbed by one fault, whose effect is compared with a deviation.
 
-What a wrong release does to a motion, a stop that never lets go, friction that nobody asked for or forces that were
-forgotten, is computed here rather than guessed: the same equations but for the one thing, the same integrator.
+The effect of a wrong release time, a stop that never opens, added friction or missing forces on a motion is computed
+by the same equations and integrator, changed in that one thing.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ import time
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.integrate import DOP853, DenseOutput, OdeSolution
 
 from ..models.arrays import ComplexArray, FloatArray
-from ..models.errors import InputError, SimulationError
+from ..models.errors import InputError
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
 from .equations import Equations
 from .solution import Segment, Solution
+from .solver import integrate_segment
 
 TOLERANCE = 1e-12
 """Relative and absolute local error: a scheduled motion is compared with deviations that are far larger."""
@@ -54,9 +54,9 @@ def solve_scheduled(
     """Integrate with each closed stop held until its given time.
 
     Args:
-        problem: release-once or not, its stops do as they are told, and none closes.
+        problem: its law of the stops does not matter here: they open at the given times, and none closes.
         releases: by stop, when it opens [s]; None: never. Stops not named open as at t = 0.
-        equations: others than the mechanism's own, for a fault to compare with.
+        equations: with a fault; the mechanism's own if left out.
 
     Raises:
         InputError: a name is not that of a stop.
@@ -76,9 +76,9 @@ def solve_scheduled(
     now = 0.0
     for end in times:
         closed = tuple(name for name, t in held.items() if t is None or t > now)
-        segment, y = _segment(own, y, now, end, closed)
+        segment, _, stepper = integrate_segment(own, closed, now, y, end, (TOLERANCE, TOLERANCE))
         segments.append(segment)
-        now = end
+        now, y = end, stepper.y
     return Solution(
         problem=problem,
         equations=own,
@@ -89,22 +89,3 @@ def solve_scheduled(
         settings={"rtol": TOLERANCE, "atol": TOLERANCE},
         wall_time=time.perf_counter() - started,
     )
-
-
-def _segment(
-    equations: Equations, y: FloatArray, start: float, end: float, closed: tuple[str, ...]
-) -> tuple[Segment, FloatArray]:
-    n_q = len(y) // 2
-
-    def rates(_: float, y: FloatArray) -> FloatArray:
-        return np.concatenate([y[n_q:], equations.solve(y[:n_q], y[n_q:], closed)[0]])
-
-    stepper = DOP853(rates, start, y, end, rtol=TOLERANCE, atol=TOLERANCE)
-    times, pieces = [start], list[DenseOutput]()
-    while stepper.status == "running":
-        message = stepper.step()
-        if message is not None:
-            raise SimulationError(f"the scheduled motion stopped at t = {stepper.t:.6g} s: {message}.")
-        pieces.append(stepper.dense_output())
-        times.append(stepper.t)
-    return Segment(closed, start, end, OdeSolution(np.array(times), pieces)), stepper.y

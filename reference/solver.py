@@ -123,40 +123,58 @@ class _Integration:
 
     def _segment(self, initial: PostEventState) -> tuple[Segment, list[Event]]:
         """Integrate under one active set, to its first events or to the end."""
-        stepper = DOP853(
-            self._right_hand_side(initial.closed),
-            initial.t,
-            np.concatenate([initial.q, initial.u]),
-            self.problem.duration,
-            rtol=self.tolerances["rtol"],
-            atol=self.tolerances["atol"],
-        )
         finder = EventFinder(self.equations, initial, self.active_set.event_functions(initial))
-        times, pieces = [initial.t], list[DenseOutput]()
-        events: list[Event] = []
-        while stepper.status == "running" and not events:
-            message = stepper.step()
-            if message is not None:
-                raise SimulationError(f"the reference's integrator stopped at t = {stepper.t:.6g} s: {message}.")
-            piece = stepper.dense_output()
-            events = finder.first(piece, times[-1], stepper.t)
-            pieces.append(piece)
-            times.append(events[0].t if events else stepper.t)
+        y, tolerance = np.concatenate([initial.q, initial.u]), (self.tolerances["rtol"], self.tolerances["atol"])
+        end = self.problem.duration
+        segment, events, stepper = integrate_segment(
+            self.equations, initial.closed, initial.t, y, end, tolerance, finder.first
+        )
         self.evaluations += stepper.nfev
-        if len(pieces) > 1 and times[-1] <= times[-2]:  # the event fell on the step's very start
-            times.pop()
-            pieces.pop()
-        return Segment(initial.closed, initial.t, times[-1], OdeSolution(np.array(times), pieces)), events
-
-    def _right_hand_side(self, closed: tuple[str, ...]) -> Callable[[float, FloatArray], FloatArray]:
-        n_q, equations = len(self.problem.mechanism.coordinates), self.equations
-
-        def rates(t: float, y: FloatArray) -> FloatArray:
-            return np.concatenate([y[n_q:], equations.solve(y[:n_q], y[n_q:], closed)[0]])
-
-        return rates
+        return segment, events
 
     def _after(self, events: list[Event], before: PostEventState) -> PostEventState:
         n_q, state = len(self.problem.mechanism.coordinates), events[0].state
         functions: list[EventFunction] = [event.function for event in events]
         return self.active_set.after(events[0].t, state[:n_q].copy(), state[n_q:].copy(), before.closed, functions)
+
+
+def integrate_segment(
+    equations: Equations,
+    closed: tuple[str, ...],
+    start: float,
+    y: FloatArray,
+    end: float,
+    tolerance: tuple[float, float],
+    locate: Callable[[DenseOutput, float, float], list[Event]] = lambda dense, t0, t1: [],
+) -> tuple[Segment, list[Event], DOP853[np.float64]]:
+    """Integrate under one active set from `start` to the first events, or to `end` [s].
+
+    Args:
+        y: state (q, u) at the start, shape (2 n_q,).
+        tolerance: relative and absolute local error bounds.
+        locate: finds the events inside a step, from its dense output and its two ends [s].
+
+    Returns:
+        The segment, its events, and the integrator as it stopped (its state is that of the last whole step).
+
+    Raises:
+        SimulationError: the integrator's step size collapsed.
+    """
+    n_q = len(y) // 2
+
+    def rates(_: float, y: FloatArray) -> FloatArray:
+        return np.concatenate([y[n_q:], equations.solve(y[:n_q], y[n_q:], closed)[0]])
+
+    stepper = DOP853(rates, start, y, end, rtol=tolerance[0], atol=tolerance[1])
+    times, pieces, events = [start], list[DenseOutput](), list[Event]()
+    while stepper.status == "running" and not events:
+        message = stepper.step()
+        if message is not None:
+            raise SimulationError(f"the reference's integrator stopped at t = {stepper.t:.6g} s: {message}.")
+        pieces.append(stepper.dense_output())
+        events = locate(pieces[-1], times[-1], stepper.t)
+        times.append(events[0].t if events else stepper.t)
+    if len(pieces) > 1 and times[-1] <= times[-2]:  # the event fell on the step's very start
+        times.pop()
+        pieces.pop()
+    return Segment(closed, start, times[-1], OdeSolution(np.array(times), pieces)), events, stepper

@@ -18,6 +18,7 @@ from scipy.optimize import brentq
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
+from ...models.launch import LAUNCH_ANGLE, Launch
 
 # Where inside a step torques are sampled: Chebyshev's points crowd at the ends, where a fall is missed most easily.
 _SAMPLES = 0.5 * (1.0 - np.cos(np.pi * np.arange(1, 8) / 7))
@@ -94,6 +95,19 @@ class ConstrainedMotion:
             if time is not None and wanted(np.asarray(step.dense(time))):
                 return time
         return None
+
+    def first_launch(self, velocity: Callable[[FloatArray], FloatArray], after: float) -> Launch | None:
+        """The launch at 45 degrees of a point whose velocity(y) [m/s] is given, later than `after` [s]."""
+
+        def across(y: FloatArray) -> float:
+            vx, vy = velocity(y)
+            return float(vy * np.cos(LAUNCH_ANGLE) - vx * np.sin(LAUNCH_ANGLE))
+
+        time = self.first_downward_crossing(across, lambda y: velocity(y).sum() > 0, after)
+        if time is None:
+            return None
+        vx, vy = velocity(self.state(time)).tolist()
+        return Launch(time, float(np.hypot(vx, vy)), (vx, vy))
 
     def _step(self, t: float) -> _Step:
         if not 0.0 <= t <= self.steps[-1].end:

@@ -17,7 +17,7 @@ import numpy as np
 import sympy as sp
 
 from ...models.arrays import FloatArray
-from ...models.launch import LAUNCH_ANGLE, Launch
+from ...models.launch import Launch
 from ...models.machines.parameters import TrebuchetParameters
 from ...models.machines.trebuchet import ARM_STOP, HANGER_REST, SLING_REST
 from .constrained import ConstrainedMotion, integrate
@@ -197,16 +197,7 @@ class PaperMotion:
         def velocity(y: FloatArray) -> FloatArray:
             return self._point(PROJECTILE, y, none)[1]
 
-        def across(y: FloatArray) -> float:
-            vx, vy = velocity(y)
-            return float(vy * np.cos(LAUNCH_ANGLE) - vx * np.sin(LAUNCH_ANGLE))
-
-        after = self.release_times[SLING_REST] or 0.0
-        time = self.motion.first_downward_crossing(across, lambda y: velocity(y).sum() > 0, after)
-        if time is None:
-            return None
-        vx, vy = velocity(self.motion.state(time)).tolist()
-        return Launch(time, float(np.hypot(vx, vy)), (vx, vy))
+        return self.motion.first_launch(velocity, self.release_times[SLING_REST] or 0.0)
 
     def _point(self, name: str, y: FloatArray, a: FloatArray) -> PointState:
         """Eq. (4), (10): a length along the arm, and one along sling or hanger, differentiated twice."""

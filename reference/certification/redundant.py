@@ -23,7 +23,7 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import UnsupportedProblemError
-from ...models.launch import LAUNCH_ANGLE, Launch
+from ...models.launch import Launch
 from ...models.mechanism import GROUND, Body, Mechanism, PinJoint, PointStop, SlotJoint, Stop
 from ...models.problem import Problem, StopLaw
 from ...models.spec import Vector
@@ -332,17 +332,7 @@ class RedundantMotion:
         def velocity(y: FloatArray) -> FloatArray:
             return self.system.point(y, none, found.body, found.point)[1]
 
-        time = self.motion.first_downward_crossing(
-            lambda y: _across(velocity(y)), lambda y: velocity(y).sum() > 0, after
-        )
-        if time is None:
-            return None
-        vx, vy = velocity(self.motion.state(time)).tolist()
-        return Launch(time, float(np.hypot(vx, vy)), (vx, vy))
-
-
-def _across(velocity: FloatArray) -> float:
-    return float(velocity[1] * np.cos(LAUNCH_ANGLE) - velocity[0] * np.sin(LAUNCH_ANGLE))
+        return self.motion.first_launch(velocity, after)
 
 
 def _normal(joint: SlotJoint) -> tuple[float, float]:

@@ -15,15 +15,13 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
 from ...models.kinematics import Kinematics
-from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ..active_set import ActiveSet
 from ..equations import Equations
-from .machine import PROJECTILE, Structure, numbers_of, relevant_stops, structure_of
+from .machine import PROJECTILE, Structure, is_launch, numbers_of, relevant_stops, structure_of
 from .system import batch_pool, heyoka, torque_function
 
-_AT_ONCE = 1e-9  # [s] from rest no projectile turns down through the launch direction this early
 BATCH_TOLERANCE = 1e-12
 
 
@@ -228,8 +226,8 @@ class _Lanes:
     def _is_launch(self, lane: int) -> bool:
         """Note a launch; the opposite direction is none, nor is a start from rest."""
         i, time, state = self.machine[lane], float(self.integrator.time[lane]), self.state[:-1, lane].copy()
-        vx, vy = velocity = self.machines.velocity(i, state)
-        if time < _AT_ONCE or vx * np.cos(LAUNCH_ANGLE) + vy * np.sin(LAUNCH_ANGLE) <= 0:
+        velocity = self.machines.velocity(i, state)
+        if not is_launch(time, velocity):
             return False
         self.time[i], self.at_launch[i], self.velocity[i] = time, state, velocity
         return True

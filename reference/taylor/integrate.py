@@ -10,13 +10,12 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
-from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Marker
 from ...models.problem import Problem
 from ..active_set import ActiveSet, EventFunction, PostEventState
 from ..equations import Equations
 from ..solution import Segment
-from .machine import PROJECTILE, Real, RealType, numbers_of, relevant_stops, structure_of
+from .machine import PROJECTILE, Real, RealType, is_launch, numbers_of, relevant_stops, structure_of
 from .system import heyoka, scalar_pool, torque_function
 
 Precision = Literal["double", "extended"]
@@ -24,7 +23,6 @@ Precision = Literal["double", "extended"]
 _REALS: Mapping[str, RealType] = {"double": np.float64, "extended": np.longdouble}
 _COARSEST = 1e-2
 _MAX_EVENTS = 10_000
-_AT_ONCE = 1e-9  # [s] from rest no projectile turns down through the launch direction this early
 _ROUNDING = 1e-12  # [rad] a gap this little off zero may be zero
 _STANDING = 1e-9  # [rad/s] a gap speed below this is rounding
 _CLEAR = 1e-13  # [rad] a gap this wide is clearly open
@@ -253,8 +251,7 @@ class Integration:
         """Whether the velocity passes the launch direction itself, not its opposite, and not from rest."""
         state = integrator.state.copy()
         q, u = state[: self.n_q], state[self.n_q : 2 * self.n_q]
-        vx, vy = self.projectile_velocity(q, u)
-        if integrator.time < _AT_ONCE or vx * np.cos(LAUNCH_ANGLE) + vy * np.sin(LAUNCH_ANGLE) <= 0:
+        if not is_launch(integrator.time, self.projectile_velocity(q, u)):
             return False
         self.launched = State(self.real(integrator.time), q, u)
         return True

@@ -29,6 +29,7 @@ Complex = NDArray[np.complexfloating[Any, Any]]
 RealType = type[np.float64] | type[np.longdouble]
 
 PROJECTILE = "projectile"
+_AT_ONCE = 1e-9  # [s] from rest no projectile turns down through the launch direction this early
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,12 @@ class Structure:
     def n_parameters(self) -> int:
         """Number of all runtime parameters."""
         return self.launch + self.throws  # heyoka wants no parameter that no expression uses
+
+
+def is_launch(time: float | np.floating[Any], velocity: Real) -> bool:
+    """Whether a velocity [m/s] on the launch direction's line points along it, not against it, and not from rest."""
+    vx, vy = velocity
+    return bool(time >= _AT_ONCE and vx * np.cos(LAUNCH_ANGLE) + vy * np.sin(LAUNCH_ANGLE) > 0)
 
 
 def relevant_stops(problem: Problem) -> tuple[str, ...]:

@@ -30,7 +30,7 @@ from ...models.errors import InputError, UnsupportedProblemError
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism, SlotJoint
 from ...models.spec import Spec
-from ..equations import Equations
+from ..equations import Equations, kkt_matrix
 
 Direction = Mapping[str, float]
 
@@ -216,7 +216,7 @@ class VariationalEquations(Equations):
         jacobian, mass = self.constraint_jacobian(q, closed), self.mass_matrix(q)
         torn = self._loop_tangent(q, u.astype(np.complex128), dq, self._data)
         right = np.concatenate([du @ mass, -torn, np.zeros((len(du), len(closed)))], axis=1)
-        after = np.asarray(np.linalg.solve(_kkt(mass, jacobian), right.T).T, dtype=np.float64)
+        after = np.asarray(np.linalg.solve(kkt_matrix(mass, jacobian), right.T).T, dtype=np.float64)
         return dq, after[:, : len(q)]
 
     def _refuse_misfits(self, q: FloatArray, dq: FloatArray, closed: Sequence[str]) -> None:
@@ -254,7 +254,7 @@ class VariationalEquations(Equations):
         quadratic = self._quadratic(rates)
         weights = rates.conj() * self._weights
         spin = self._angles * u
-        inverse = np.linalg.inv(_kkt(quadratic.real + self._inertias, self.constraint_jacobian(q, closed)))
+        inverse = np.linalg.inv(kkt_matrix(quadratic.real + self._inertias, self.constraint_jacobian(q, closed)))
         right = np.zeros(n_q + n_c)
         right[:n_q] = weights.real - quadratic.imag @ (spin * u)
         right[n_q : n_q + n_l] = (1j * self._loops @ (rates * spin * u)).real
@@ -275,12 +275,3 @@ class VariationalEquations(Equations):
             d_right[:, n_q : n_q + n_l] = -moved
         d_solution = d_right @ inverse.T
         return Tangent(a, multipliers, d_solution[:, :n_q], d_solution[:, n_q:])
-
-
-def _kkt(mass: FloatArray, jacobian: FloatArray) -> FloatArray:
-    n_q, n_c = len(mass), len(jacobian)
-    kkt = np.zeros((n_q + n_c, n_q + n_c))
-    kkt[:n_q, :n_q] = mass
-    kkt[:n_q, n_q:] = -jacobian.T
-    kkt[n_q:, :n_q] = jacobian
-    return kkt
