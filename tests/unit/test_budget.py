@@ -524,3 +524,12 @@ def test_a_machine_that_cannot_throw_is_refused() -> None:
     still = fixed().model_copy(update={"gravity": 0.0})
     with pytest.raises(InputError, match="gravity"):
         explain(Study([still], engines=["pymunk"], isolate=False))
+
+
+def test_an_engine_that_is_not_installed_is_a_row_of_the_explanation(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ExudynEngine, "is_installed", classmethod(lambda _: False))
+    explanation = explain(Study([fixed()], engines=["exudyn"], presets=["tuned"], isolate=False))
+    (absent,) = explanation.budgets
+    assert absent.message is not None and "pip install exudyn" in absent.message
+    assert explanation.comparisons[0].stock.message == absent.message
+    assert "pip install exudyn" in html.page(document(explanation))

@@ -7,6 +7,7 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import numpy as np
@@ -19,9 +20,12 @@ from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.runs.metrics import measure
 from trebucheck.comparisons.runs.results import Metric, Outcome, Results, Run
 from trebucheck.comparisons.runs.store import Store
+from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.tolerances import judge
+from trebucheck.models.arrays import FloatArray
 from trebucheck.models.dataset import load, save
 from trebucheck.models.spec import schema_text
+from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
 
@@ -385,3 +389,52 @@ def test_a_file_that_is_no_trajectory_is_said(tmp_path: Path) -> None:
     for path in (tmp_path / "x.nc", tmp_path / "absent.nc"):
         with pytest.raises(tb.InputError, match=r"\.nc"):
             load(path)
+
+
+# studies
+
+
+@pytest.mark.parametrize(
+    ("inputs", "complaint"),
+    [
+        ({"models": []}, "no model was named"),
+        ({"engines": []}, "no engine was named"),
+        ({"presets": []}, "no preset was named"),
+        ({"engines": ["mujoko"]}, "did you mean 'mujoco'"),
+        ({"timeout": 0.0}, "timeout = 0.0 s must be positive"),
+        ({"timeout": float("nan")}, "timeout = nan s must be positive"),
+    ],
+)
+def test_a_study_is_checked_before_anything_runs(inputs: dict[str, Any], complaint: str) -> None:
+    with pytest.raises(tb.InputError, match=complaint):
+        Study(**inputs)
+
+
+def test_no_names_stand_for_every_engine_and_the_reference_is_not_measured() -> None:
+    assert Study().every_engine == tuple(tb.engines())
+    assert Study().measured_engines == tuple(name for name in tb.engines() if name != "reference")
+    assert Study(engines=["pymunk", "mujoco", "pymunk"]).measured_engines == ("pymunk", "mujoco")
+    with pytest.raises(tb.InputError, match="'reference' is what the others are measured against"):
+        _ = Study(engines=["reference"]).measured_engines
+
+
+def test_a_studys_mechanisms_have_one_name_each() -> None:
+    own = tb.TrebuchetParameters(l1=9.5)
+    assert Study(["fixed", "rolling", "fixed"], parameters=own).mechanisms == (tb.fixed(own), tb.rolling(own))
+    assert Study(["fixed", tb.fixed(own)]).mechanisms == (tb.fixed(own),)
+
+
+def test_the_reference_is_evaluated_once_a_grid_for_metrics_and_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
+    evaluated: list[tuple[Solution, bytes]] = []
+    evaluate = Solution.trajectory
+
+    def counted(self: Solution, t: FloatArray, *rest: Any) -> tb.Trajectory:
+        evaluated.append((self, t.tobytes()))
+        return evaluate(self, t, *rest)
+
+    monkeypatch.setattr(Solution, "trajectory", counted)
+    comparison = _compare(presets=["tuned", "stock"])
+    assert len(comparison.results.pairs) == 1
+    # The reference as an engine has solutions of its own.
+    grids = [grid for solution, grid in evaluated if solution is comparison.solutions["fixed"]]
+    assert grids and len(grids) == len(set(grids))
