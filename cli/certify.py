@@ -32,7 +32,7 @@ def certify_command(
     trebucheck certify --models fixed --set l1=9.5
     """
     from ..comparisons.report import terminal
-    from ..comparisons.report.certificate import document
+    from ..comparisons.report.sections import certificate_report
     from ..models.files import refuse_unwritable, write_text
     from ..reference.certification.certify import certify
 
@@ -44,7 +44,7 @@ def certify_command(
         with output.progress(width=28) as show:
             certificate = certify(mechanism, chosen.whipper(name), command=command, progress=_named(mechanism, show))
         write_text(out / f"{mechanism.name}.json", certificate.to_json() + "\n")
-        terminal.show(document(certificate), terminal.console())
+        terminal.show(certificate_report(certificate), terminal.console())
         terminal.console().print(f"Certificate: {out / f'{mechanism.name}.json'}\n", soft_wrap=True)
 
 

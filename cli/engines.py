@@ -7,10 +7,10 @@ from . import output
 
 def engines_command() -> None:
     """List the engines: installed or not, version, presets and capabilities."""
-    from ..comparisons.report.document import Document, Listing, Text, table, words
+    from ..comparisons.report.document import Document, Listing, Text, table
     from ..engines.registry import engines
 
-    titles = ("engine", "version", "presets", "joint forces", "releases", "stop laws")
+    titles = "engine | version | presets | joint forces | releases | stop laws"
     rows = [
         (
             status.name,
@@ -23,5 +23,5 @@ def engines_command() -> None:
         for status in engines().values()
     ]
     texts = (Text(f"{status.name}: {status.capabilities.formulation}") for status in engines().values())
-    blocks = (table([words(title) for title in titles], rows), Listing(tuple(texts)))
+    blocks = (table(titles, rows), Listing(tuple(texts)))
     output.show(Document("engines", blocks))

@@ -32,7 +32,7 @@ def run_command(
 
     trebucheck run --engine pymunk --preset stock --option iterations=30
     """
-    from ..comparisons.report.run import document
+    from ..comparisons.report.sections import run_report
     from ..engines.registry import engine as make
     from ..models.dataset import save
     from ..models.files import refuse_unwritable
@@ -48,7 +48,7 @@ def run_command(
     refuse_unwritable(path.parent)
     trajectory = runner.simulate(problem)
     save(trajectory, path)
-    output.show(document(trajectory), Trajectory=path)
+    output.show(run_report(trajectory), Trajectory=path)
 
 
 def _to_launch(mechanism: Mechanism) -> float:

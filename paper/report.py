@@ -29,7 +29,7 @@ from ..comparisons.report.document import (
     words,
 )  # fmt: skip
 from ..comparisons.report.numbers import format_number, sentence
-from ..comparisons.report.provenance import mechanism_as_data
+from ..comparisons.report.sections import mechanism_as_data
 from ..models.machines.parameters import TrebuchetParameters
 from ..models.machines.trebuchet import parameters_of
 from .chapters import chapters

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from ...models.machines.trebuchet import parameters_of
 from ...reference.certification.certificate import load_certificate
-from ..report.certificate import certified_figures
 from ..report.document import (
     Block,
     Cell,
@@ -27,7 +26,7 @@ from ..report.document import (
     terminal_only,
 )  # fmt: skip
 from ..report.numbers import format_number, format_step
-from ..report.provenance import provenance
+from ..report.sections import certified_figures, provenance
 from ..runs.results import Cause, Equality, Machine, Metric, Outcome, Pair, Results, Run
 from . import plots
 from .study import Comparison

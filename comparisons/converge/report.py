@@ -27,7 +27,7 @@ from ..report.document import (
     terminal_only,
 )  # fmt: skip
 from ..report.numbers import format_number, format_settings
-from ..report.provenance import provenance
+from ..report.sections import provenance
 from . import plots
 from .results import Curve, LimitPair, MachineStudies, Point, Studies, Study
 

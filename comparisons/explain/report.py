@@ -27,7 +27,7 @@ from ..report.document import (
     terminal_only,
 )  # fmt: skip
 from ..report.numbers import format_number, format_percent
-from ..report.provenance import provenance
+from ..report.sections import provenance
 from .plots import bars, main_quantities
 from .results import Budget, Change, Explanation, Figures, Machine, Measurement, Quantity, StockAgainstTuned
 

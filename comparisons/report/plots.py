@@ -1,4 +1,4 @@
-"""What all plots share: their dress, the drawn machine, and how they enter a page."""
+"""What all plots share: colours and line styles, the layout, and the drawn machine."""
 
 from __future__ import annotations
 
@@ -29,14 +29,8 @@ def run_style(engine: str, preset: str) -> dict[str, Any]:
     return {"color": engine_colour(engine), "dash": "solid" if preset == "tuned" else "dot", "width": 1.6}
 
 
-def embedded(plot: go.Figure) -> str:
-    """A figure as HTML that needs plotly.js on its page."""
-    options: dict[str, Any] = {"displaylogo": False, "responsive": True}
-    return str(plot.to_html(full_html=False, include_plotlyjs=False, config=options))
-
-
 def finish(figure: go.Figure, height: int, legend_at: float = -0.16) -> go.Figure:
-    """Dress a figure: height in pixels, legend below at that share of the height."""
+    """Lay out a figure: height in pixels, legend below at that share of the height."""
     figure.update_layout(
         template="plotly_white",
         height=height,

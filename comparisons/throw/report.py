@@ -25,7 +25,7 @@ from ..report.document import (
     terminal_only,
 )  # fmt: skip
 from ..report.numbers import sentence
-from ..report.provenance import mechanism_as_data
+from ..report.sections import mechanism_as_data
 from . import plots
 
 _Row = tuple[str, str]

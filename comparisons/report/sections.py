@@ -1,0 +1,75 @@
+"""Sections that several reports share, and the reports of a single run and of a certificate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+import numpy as np
+
+from ...models.mechanism import Mechanism
+from ...models.trajectory import Trajectory
+from ...reference.certification.certificate import Certificate, Figure
+from ..runs.results import ResultFile
+from .document import Block, Code, Document, Fold, Heading, Listing, Note, Table, Text, table
+from .numbers import format_settings
+
+Settings = tuple[str, str, str, Mapping[str, object]]
+"""Machine, engine (and what else names the run), version, and settings."""
+
+
+def provenance(
+    result: ResultFile, runs: Iterable[Settings], mechanisms: Sequence[tuple[str, Mechanism]]
+) -> tuple[Block, ...]:
+    """The end of a page: versions, the settings of each run, and each machine's mechanism."""
+    software = f"trebucheck {result.trebucheck_version}, Python {result.python_version}, {result.platform}."
+    rows = [(model, label, version, format_settings(settings)) for model, label, version, settings in runs]
+    return (
+        Heading("Provenance", 2),
+        Note(software),
+        table("machine | engine | version | settings", rows, "Settings of every run", "page"),
+        *(mechanism_as_data(model, mechanism) for model, mechanism in mechanisms),
+    )
+
+
+def mechanism_as_data(model: str, mechanism: Mechanism) -> Fold:
+    """A mechanism's JSON behind its hash."""
+    title = f"{model}: the mechanism as JSON, hash {mechanism.content_hash[:16]}"
+    return Fold(title, (Code("", mechanism.to_json()),))
+
+
+def certified_figures(figures: Iterable[Figure], caption: str) -> Table:
+    """One line a figure: value, uncertainty, unit."""
+    rows = [(figure.label, *figure.texts, figure.unit) for figure in figures]
+    return table("figure | value | uncertainty | unit", rows, caption)
+
+
+def certificate_report(certificate: Certificate) -> Document:
+    """The figures, and what was left out of the computations."""
+    number = sum(computation.independent for computation in certificate.computations)
+    title = f"{certificate.model}: {len(certificate.figures)} figures from {number} independent computations"
+    left_out = (Text(sentence, "warning", lead="left out:") for sentence in certificate.absent)
+    return Document(title, (certified_figures(certificate.figures, title), Listing(tuple(left_out))))
+
+
+def run_report(trajectory: Trajectory) -> Document:
+    """What one run found."""
+    run = trajectory.provenance
+    title = f"{trajectory.mechanism.name}, {run.engine} {run.preset} ({run.engine_version})"
+    return Document(title, (table("|", _quantities(trajectory), title),))
+
+
+def _quantities(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
+    yield "simulated", f"{trajectory.t[-1]:.6g} s in {trajectory.provenance.steps} steps"
+    yield "wall time", f"{trajectory.provenance.wall_time:.3f} s"
+    for name, time in trajectory.release_times.items():
+        if trajectory.mechanism.stop(name).closed:
+            yield f"{name} opens", "not" if time is None else f"{time:.9f} s"
+    for name, torque in trajectory.stop_torques.items():
+        stop = trajectory.mechanism.stop(name)
+        yield f"{name}, largest {stop.effort}", f"{torque.max():.6g} {stop.force_unit}"
+    launch = trajectory.launch() if "projectile" in trajectory.markers else None
+    if launch is not None:
+        yield "launch (velocity at 45 deg)", f"{launch.time:.9f} s"
+        yield "launch speed", f"{launch.speed:.8f} m/s"
+    drift = np.abs(trajectory.total_energy - trajectory.total_energy[0]).max()
+    yield "energy drift", f"{drift:.3g} J of {trajectory.total_energy[0]:.6g} J"
