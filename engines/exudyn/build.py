@@ -209,9 +209,6 @@ class _Builder:
         number = int(self.system.main.AddObject(item))
         self.system.stops[stop.name], self.system.constraints[stop.name] = number, constraint
         self._observe(items.SensorObject, ("stop", stop.name, constraint.force_sensor), objectNumber=number)
-        if isinstance(stop, PointStop):
-            at = Marker(name=stop.name, body=stop.body, point=stop.point)
-            self._observe_point("stop", stop.name, at, ("Position", "Velocity", "Acceleration"))
 
     def _angle_limit(self, stop: Stop, spring: Spring | None) -> Any:
         # Coordinates count from the reference, and a closed stop's gap is zero there: it needs no offset.
@@ -223,6 +220,8 @@ class _Builder:
         return items.ObjectConnectorCoordinate(markerNumbers=markers, offset=stop.sense * open_by)
 
     def _point_contact(self, stop: PointStop, spring: Spring | None) -> Any:
+        at = Marker(name=stop.name, body=stop.body, point=stop.point)
+        self._observe_point("stop", stop.name, at, ("Position", "Velocity", "Acceleration"))
         x, y = stop.normal
         point = self._frame(stop.body, stop.point)
         line = self._frame(GROUND, (x * stop.offset, y * stop.offset))

@@ -42,7 +42,7 @@ def forces_of(reading: Reading, active: Contacts) -> Forces:
         return Forces(reactions, _angle_torques(reading, reactions, active))
     multipliers = _multipliers(reading, needed, active)
     loops = _loop_forces(mechanism, multipliers)
-    torques = dict(zip(active, multipliers.T[_n_loops(mechanism) :], strict=True))
+    torques = dict(zip(active, multipliers.T[multipliers.shape[1] - len(active) :], strict=True))
     for joint in mechanism.loop_joints:
         _act(needed, joint.child, -loops[joint.name])
         _act(needed, joint.parent, loops[joint.name])
@@ -139,15 +139,7 @@ def _missing(reading: Reading, needed: Mapping[str, ComplexArray]) -> FloatArray
 
 def _rows(kinematics: Kinematics, q: FloatArray, active: Contacts) -> FloatArray:
     """G: Jacobian of the loop joints' gaps and of the active stops', shape (n, n_constraints, n_q)."""
-    rates = kinematics.rates(q)
-    rows: list[FloatArray] = []
-    for joint in kinematics.mechanism.loop_joints:
-        child = kinematics.point(joint.child, joint.child_point).coefficients
-        difference = rates * (child - kinematics.point(joint.parent, joint.parent_point).coefficients)
-        if isinstance(joint, SlotJoint):
-            rows.append((difference * _across(joint).conjugate()).real)
-        else:
-            rows += [difference.real, difference.imag]
+    rows = [(kinematics.rates(q) * closure.coefficients).real for closure in kinematics.loop_closures]
     rows += [kinematics.gap_jacobian(name, q) for name in active]
     return np.stack(rows, axis=-2)
 
@@ -157,10 +149,6 @@ def _mass_matrix(kinematics: Kinematics, q: FloatArray) -> FloatArray:
     jacobian = kinematics.centres * kinematics.rates(q)[:, None, :]
     products = (np.swapaxes(jacobian.conj(), 1, 2) * kinematics.masses) @ jacobian
     return products.real + np.diag(kinematics.inertias)
-
-
-def _n_loops(mechanism: Mechanism) -> int:
-    return sum(1 if isinstance(joint, SlotJoint) else 2 for joint in mechanism.loop_joints)
 
 
 def _loop_forces(mechanism: Mechanism, multipliers: FloatArray) -> dict[str, ComplexArray]:
