@@ -6,20 +6,17 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-import plotly.graph_objects as go
 from pydantic import JsonValue
 
 from ..comparisons.report.document import Block, Figure, Heading, Text, page_only, table
 from ..comparisons.report.numbers import sentence
-from ..comparisons.report.plots import finish
 from .design.first_forward_swing import CoincidingDesign, Design, Throwing
 from .drag.results import DragInterval, DragStudy
 from .identification.quantities import Identification
 from .machines.study import MachineEfficiency, Machines, SlingThrow, WidestThrow
+from .plots import best_angles, efficiencies
 from .results import EngineValue
 from .sweep.results import Artefact, Position, Sweep
-
-_WORLDS = {"moon": "#777777", "mars": "#c0392b", "earth": "#1f77b4", "venus": "#d9a30d"}
 
 
 def chapters(sections: Mapping[str, JsonValue]) -> Iterator[Block]:
@@ -144,7 +141,7 @@ def _drag(data: JsonValue) -> Iterator[Block]:
     study = DragStudy.model_validate(data)
     yield from _findings(study.findings)
     yield from _readings(study)
-    yield Figure(_best_angles(study), "Best angle against drag area")
+    yield Figure(best_angles(study), "Best angle against drag area")
 
 
 def _area(interval: DragInterval | None) -> str:
@@ -186,22 +183,6 @@ def _readings(study: DragStudy) -> Iterator[Block]:
     ]
     values = ("in vacuum [deg]", "C_d A that gives it [m²]", "with the common one [deg]", "agrees")
     yield from _section("World by world", ("world", "printed", *reading, *values), worlds)
-
-
-def _best_angles(study: DragStudy) -> go.Figure:
-    figure = go.Figure()
-    for curve in study.readings[0].curves:
-        line = {"color": _WORLDS.get(curve.world), "width": 2}
-        figure.add_scatter(x=curve.drag_areas, y=[math.degrees(a) for a in curve.angles], name=curve.world, line=line)
-    for each in study.printed:
-        line = {"color": _WORLDS.get(each.world), "width": 1, "dash": "dash"}
-        figure.add_hline(
-            y=math.degrees(each.value), line=line, annotation_text=f"{each.world}: {each.printed}° in print"
-        )
-    # Logarithmic: what Venus feels at 0.1 m² takes Mars some hundred. Without drag nothing changes with the area.
-    figure.update_xaxes(title="C_d A [m²]", type="log", range=[-3, 1], exponentformat="power")
-    figure.update_yaxes(title="best angle of release [deg]")
-    return finish(figure, 420)
 
 
 def _sweep(data: JsonValue) -> Iterator[Block]:
@@ -351,7 +332,7 @@ def _machines(data: JsonValue) -> Iterator[Block]:
         f"sling, so each machine also gets its fastest, of {found.slings[0]:g} to {found.slings[1]:g} m, and each kind "
         f"its most efficient machine with {_bounds(found)}."
     )
-    yield Figure(_efficiencies(found), "Who makes most of its energy", text)
+    yield Figure(efficiencies(found), "Who makes most of its energy", text)
     names = _engines([value for machine in found.machines for value in machine.engines])
     yield from _throws(found, names)
     rows = [
@@ -369,20 +350,6 @@ def _bounds(found: Machines) -> str:
     spans = [f"{name} of {low:g} to {high:g} m" for name, (low, high) in found.bounds.items() if name != "theta0"]
     low, high = (math.degrees(angle) for angle in found.bounds["theta0"])
     return f"{', '.join(spans)} and, where the arm begins backward, a start of {low:.0f} to {high:.0f} deg"
-
-
-def _efficiencies(found: Machines) -> go.Figure:
-    bars: dict[str, Callable[[MachineEfficiency], SlingThrow | None]] = {
-        "the paper's sling": lambda machine: machine.table_one,
-        "its fastest sling": lambda machine: machine.fastest_sling or machine.table_one,
-        "most efficient within bounds": lambda machine: machine.most_efficient,
-    }
-    figure, names = go.Figure(), [machine.name for machine in found.machines]
-    for name, of in bars.items():
-        throws = [of(machine) for machine in found.machines]
-        figure.add_bar(x=names, y=[None if throw is None else throw.efficiency for throw in throws], name=name)
-    figure.update_yaxes(title="efficiency", range=[0, 1], tickformat=".0%")
-    return finish(figure, 420)
 
 
 def _throws(found: Machines, names: Sequence[str]) -> Iterator[Block]:

@@ -1,17 +1,21 @@
-"""The paper's figures as plots, from their data alone."""
+"""Plots from data alone: the paper's figures, and those of the further studies."""
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from ..comparisons.report.plots import engine_colour, finish
+from .drag.results import DragStudy
+from .machines.study import MachineEfficiency, Machines, SlingThrow
 from .results import Series
 
+_WORLDS = {"moon": "#777777", "mars": "#c0392b", "earth": "#1f77b4", "venus": "#d9a30d"}
 _PRINTED, _GRID, _OTHER = "#c0392b", "#9467bd", "#b08d57"
 _SYMBOLS = ("circle-open", "square-open", "diamond-open", "triangle-up-open", "star-open")
 _MACHINES = {"a": "fixed", "b": "rolling"}
@@ -86,3 +90,35 @@ def _style(series: Series) -> dict[str, Any]:
     if series.name == "reference" or series.name.startswith("rests that can"):
         return {"mode": "lines", "line": {"color": engine_colour("reference"), "width": 2.5}}
     return {"mode": "lines", "line": {"color": _OTHER, "width": 1.5, "dash": "dot"}}
+
+
+def best_angles(study: DragStudy) -> go.Figure:
+    """Best angle of release against drag area, world by world, and the printed angles."""
+    figure = go.Figure()
+    for curve in study.readings[0].curves:
+        line = {"color": _WORLDS.get(curve.world), "width": 2}
+        figure.add_scatter(x=curve.drag_areas, y=[math.degrees(a) for a in curve.angles], name=curve.world, line=line)
+    for each in study.printed:
+        line = {"color": _WORLDS.get(each.world), "width": 1, "dash": "dash"}
+        figure.add_hline(
+            y=math.degrees(each.value), line=line, annotation_text=f"{each.world}: {each.printed}° in print"
+        )
+    # Logarithmic: what Venus feels at 0.1 m² takes Mars some hundred. Without drag nothing changes with the area.
+    figure.update_xaxes(title="C_d A [m²]", type="log", range=[-3, 1], exponentformat="power")
+    figure.update_yaxes(title="best angle of release [deg]")
+    return finish(figure, 420)
+
+
+def efficiencies(found: Machines) -> go.Figure:
+    """Efficiency of every machine, with three slings."""
+    bars: dict[str, Callable[[MachineEfficiency], SlingThrow | None]] = {
+        "the paper's sling": lambda machine: machine.table_one,
+        "its fastest sling": lambda machine: machine.fastest_sling or machine.table_one,
+        "most efficient within bounds": lambda machine: machine.most_efficient,
+    }
+    figure, names = go.Figure(), [machine.name for machine in found.machines]
+    for name, of in bars.items():
+        throws = [of(machine) for machine in found.machines]
+        figure.add_bar(x=names, y=[None if throw is None else throw.efficiency for throw in throws], name=name)
+    figure.update_yaxes(title="efficiency", range=[0, 1], tickformat=".0%")
+    return finish(figure, 420)

@@ -110,8 +110,8 @@ def _reference(mechanism: Mechanism) -> tuple[Solution, float]:
     if launch is None:
         raise InputError(f"{mechanism.name!r} does not launch, so the paper's quantities of a throw are not there.")
     end = launch.time + BEYOND_LAUNCH
-    looked_at = solve(Problem(mechanism, duration=end + 1.0))
-    arrived = read(MinimalMotion(looked_at), looked_at.trajectory(np.linspace(0.0, end + 1.0, _SAMPLES)))
+    longer = solve(Problem(mechanism, duration=end + 1.0))
+    arrived = read(MinimalMotion(longer), longer.trajectory(np.linspace(0.0, end + 1.0, _SAMPLES)))
     until = max(end, arrived.get(ARM_ARRIVAL, 0.0)) + _TAIL
     return solve(Problem(mechanism, duration=until)), until
 

@@ -141,7 +141,7 @@ def quick(problem: Problem) -> Solution:
 
 
 @dataclass(frozen=True)
-class FirstSweep:
+class FirstForwardSwing:
     """A machine's first forward throw."""
 
     projectile: Projectile
@@ -160,12 +160,12 @@ class FirstSweep:
         """The machine's motion."""
         return self.projectile.solution
 
-    def apart(self, reading: Reading) -> float:
+    def delay(self, reading: Reading) -> float:
         """Largest kinetic energy after the release it is to coincide with [s]."""
         return self.fastest - (self.best.time if reading is Reading.RANGE_OPTIMAL else self.launch)
 
 
-def first_sweep(mechanism: Mechanism, solver: Solver = quick) -> FirstSweep | None:
+def first_forward_swing_of(mechanism: Mechanism, solver: Solver = quick) -> FirstForwardSwing | None:
     """The first sweep of a machine; None where it is no throw.
 
     It is one where the sling's rest opens, the velocity comes down to 45 degrees within three characteristic times, the
@@ -186,7 +186,7 @@ def first_sweep(mechanism: Mechanism, solver: Solver = quick) -> FirstSweep | No
         reached = fly(release, around).range
     except TrebucheckError:
         return None
-    found = FirstSweep(scanned.projectile, around, fastest, release, reached, launch)
+    found = FirstForwardSwing(scanned.projectile, around, fastest, release, reached, launch)
     return found if reached > 0 and release.velocity[0] > 0 and _before_the_arm_stop(found) else None
 
 
@@ -268,13 +268,13 @@ def kinetic_rate(projectile: Projectile, t: float) -> float:
     return float(velocity[0] @ acceleration[0])
 
 
-def _before_the_arm_stop(found: FirstSweep) -> bool:
+def _before_the_arm_stop(found: FirstForwardSwing) -> bool:
     kinematics = found.solution.equations.kinematics
     times = np.linspace(0.0, max(found.fastest, found.best.time, found.launch), _LOOKS)
     return bool(np.all(kinematics.gap(ARM_STOP, found.solution.motion(times).q) > 0))
 
 
-def described(parameters: TrebuchetParameters, found: FirstSweep) -> Throwing:
+def read_throw(parameters: TrebuchetParameters, found: FirstForwardSwing) -> Throwing:
     """The figures of a first sweep."""
     solution, p = found.solution, parameters
     until = max(found.best.time, found.fastest)

@@ -15,7 +15,7 @@ from scipy.optimize import NonlinearConstraint, brentq, minimize
 from ...models.arrays import FloatArray
 from ...models.machines.parameters import TrebuchetParameters
 from ...models.machines.trebuchet import rolling
-from .first_forward_swing import Bounds, FirstSweep, Optimality, Reading, first_sweep
+from .first_forward_swing import Bounds, FirstForwardSwing, Optimality, Reading, first_forward_swing_of
 
 NAMES = ("r", "h", "l1")
 _STEP = 1e-4  # of finite differences, relative: errors of 1e-8 relative from the third derivative, 1e-6 from rounding
@@ -46,7 +46,7 @@ class Family:
     beam: float
     bounds: Bounds
     reading: Reading = Reading.RANGE_OPTIMAL
-    _known: dict[tuple[float, ...], FirstSweep | None] = field(default_factory=dict, repr=False, compare=False)
+    _known: dict[tuple[float, ...], FirstForwardSwing | None] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def scale(self) -> FloatArray:
@@ -69,17 +69,17 @@ class Family:
         """X of a machine."""
         return np.array([getattr(parameters, name) for name in NAMES]) / self.scale
 
-    def sweep(self, x: FloatArray) -> FirstSweep | None:
+    def sweep(self, x: FloatArray) -> FirstForwardSwing | None:
         """The first sweep at x; None where there is no throw."""
         key = tuple(x.tolist())
         if key not in self._known:
-            self._known[key] = first_sweep(rolling(self.machine(x)))
+            self._known[key] = first_forward_swing_of(rolling(self.machine(x)))
         return self._known[key]
 
     def figures(self, x: FloatArray) -> FloatArray:
         """Range [km] and time between the two instants [ms]; for no throw, what a line search turns back from."""
         found = self.sweep(x)
-        return _NO_THROW if found is None else np.array([1e-3 * found.range, 1e3 * found.apart(self.reading)])
+        return _NO_THROW if found is None else np.array([1e-3 * found.range, 1e3 * found.delay(self.reading)])
 
     def slopes(self, x: FloatArray) -> FloatArray:
         """Derivatives of :meth:`figures` by x, central differences, shape (2, 3).
@@ -101,7 +101,7 @@ class Family:
         for place in itertools.product(*axes):
             x = np.array(place)
             sweep = self.sweep(x)
-            if sweep is not None and abs(sweep.apart(self.reading)) < _NEAR:
+            if sweep is not None and abs(sweep.delay(self.reading)) < _NEAR:
                 found.append((sweep.range, x))
         found.sort(key=lambda pair: -pair[0])
         return [x for _, x in found[:_STARTS]]
@@ -142,11 +142,11 @@ class Family:
             NoThrowError: a machine on the way does not throw.
         """
         for _ in range(_DRAWS):
-            apart = self.figures(x)[1]
-            if abs(apart) < _DRAWN:
+            delay = self.figures(x)[1]
+            if abs(delay) < _DRAWN:
                 break
             slope = self.slopes(x)[1]
-            step = -apart * slope / (slope @ slope)
+            step = -delay * slope / (slope @ slope)
             x = np.clip(x + step * min(1.0, _LONGEST / float(np.linalg.norm(step))), low, high)
         return x
 
@@ -177,15 +177,15 @@ class Family:
         direction = self.slopes(x)[1] if normal is None else normal
         direction = direction / np.linalg.norm(direction)
 
-        def apart(s: float) -> float:
+        def delay(s: float) -> float:
             found = self.sweep(x + s * direction)
             if found is None:
                 raise NoThrowError
-            return found.apart(self.reading)
+            return found.delay(self.reading)
 
         for far in (1e-4, 1e-3, 1e-2, _FARTHEST):
-            if apart(-far) * apart(far) < 0:
-                return x + float(brentq(apart, -far, far, xtol=1e-13)) * direction
+            if delay(-far) * delay(far) < 0:
+                return x + float(brentq(delay, -far, far, xtol=1e-13)) * direction
         return None
 
     def conditions(

@@ -30,12 +30,12 @@ from .first_forward_swing import (
     Bounds,
     CoincidingDesign,
     Design,
-    FirstSweep,
+    FirstForwardSwing,
     Reading,
     Throwing,
-    described,
-    first_sweep,
+    first_forward_swing_of,
     kinetic_rate,
+    read_throw,
 )
 from .search import NAMES, NEARNESS, RANGE, Family, Objective
 
@@ -85,8 +85,8 @@ def design_rolling(
     return Design(
         bounds=within,
         constraints=CONSTRAINTS,
-        paper_rolling=_thrown(p, rolling),
-        paper_fixed=_thrown(p, fixed),
+        paper_rolling=_reference_throw(p, rolling),
+        paper_fixed=_reference_throw(p, fixed),
         designs=designs,
         unconstrained=search.unconstrained(),
         seconds=time.perf_counter() - began,
@@ -125,7 +125,7 @@ class _Search:
 
     def unconstrained(self) -> Throwing | None:
         x = self.family.farthest(self.starts[0])
-        return None if x is None else _thrown(self.family.machine(x), rolling)
+        return None if x is None else _reference_throw(self.family.machine(x), rolling)
 
     def _design(
         self, name: str, family: Family, objective: Objective, starts: Sequence[FloatArray]
@@ -135,17 +135,17 @@ class _Search:
         if not reached:
             return None
         x = reached[0]
-        sketched, found = family.sweep(x), first_sweep(rolling(family.machine(x)), solve)
+        sketched, found = family.sweep(x), first_forward_swing_of(rolling(family.machine(x)), solve)
         if sketched is None or found is None:
             raise SimulationError(f"the design {name!r} throws by one integrator of the reference and not by another.")
-        apart = found.apart(family.reading)
-        width = _SAFETY * abs(apart - sketched.apart(family.reading)) + float(np.spacing(found.fastest))
+        delay = found.delay(family.reading)
+        width = _SAFETY * abs(delay - sketched.delay(family.reading)) + float(np.spacing(found.fastest))
         return CoincidingDesign(
             name=name,
             objective="range" if objective is RANGE else "nearness",
             reading=family.reading,
-            throwing=described(family.machine(x), found),
-            difference=Quantity(value=apart, uncertainty=width, unit="s"),
+            throwing=read_throw(family.machine(x), found),
+            difference=Quantity(value=delay, uncertainty=width, unit="s"),
             change=float(np.linalg.norm(x - 1)),
             optimality=family.conditions(x, objective, reached, len(starts)),
             warnings=throw(rolling(family.machine(x)), best=True).warnings,
@@ -153,12 +153,12 @@ class _Search:
         )
 
 
-def _thrown(parameters: TrebuchetParameters, build: Callable[[TrebuchetParameters], Mechanism]) -> Throwing:
+def _reference_throw(parameters: TrebuchetParameters, build: Callable[[TrebuchetParameters], Mechanism]) -> Throwing:
     mechanism = build(parameters)
-    found = first_sweep(mechanism, solve)
+    found = first_forward_swing_of(mechanism, solve)
     if found is None:
         raise InputError(f"the {mechanism.name!r} machine to compare with does not throw in its first sweep.")
-    return described(parameters, found)
+    return read_throw(parameters, found)
 
 
 def _refuse_bounds(bounds: Bounds, beam: float) -> None:
@@ -174,7 +174,9 @@ FIGURES = ("largest_ratio_time", "best_release_time", "best_release_angle", "bes
 _STEP = 1e-4  # [s] for derivatives in time of what changes over hundredths of a second
 
 
-def confirmed(engines: Sequence[str], found: FirstSweep, worker: Worker | None) -> dict[str, tuple[EngineValue, ...]]:
+def confirmed(
+    engines: Sequence[str], found: FirstForwardSwing, worker: Worker | None
+) -> dict[str, tuple[EngineValue, ...]]:
     """Every engine's values of :data:`FIGURES`, in SI units and radians, with their tolerances.
 
     Args:
@@ -210,7 +212,7 @@ def _plan(mechanism: Mechanism, motion: SampledMotion) -> Plan:
     return Plan(mechanism, (), {}, (), motion.launch is not None)
 
 
-def tolerances(found: FirstSweep, position: float | None) -> dict[str, float]:
+def tolerances(found: FirstForwardSwing, position: float | None) -> dict[str, float]:
     """What an allowance of the projectile's position [m] is for each figure, to first order.
 
     The velocity is allowed w times as much and the acceleration w^2 times, w being the rate at which the velocity
@@ -242,7 +244,7 @@ def tolerances(found: FirstSweep, position: float | None) -> dict[str, float]:
     }
 
 
-def _range_rate(found: FirstSweep, t: float) -> float:
+def _range_rate(found: FirstForwardSwing, t: float) -> float:
     return range_rate(found.projectile.release_at(t), found.surroundings)
 
 

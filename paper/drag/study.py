@@ -22,7 +22,7 @@ from ...models.mechanism import Mechanism
 from ...reference.solver import solve_to_launch
 from ...reference.throw.flight import World, world
 from ...reference.throw.release import Projectile
-from ..printed import parse
+from ..printed import CAPTION_STEP, TIME_STEP, parse
 from .motion import Throwing, common, interval, on_grid
 from .results import (
     AngleCurve,
@@ -36,7 +36,7 @@ from .results import (
     WorldFit,
 )
 
-STEPS = (0.005, 0.01)
+STEPS = (TIME_STEP, CAPTION_STEP)
 """Between release times [s]: the text's, and that of the caption of Fig. 4."""
 
 _NODES = 8  # of a curve of best angles, which is smooth; what is reported as fitted does not come from between them
@@ -275,10 +275,10 @@ def _where_g_acts(best: Reading, grid: GridReading, pairs: Sequence[tuple[Readin
     other, worse = next(
         (r, g) for r, g in pairs if r.angle == best.angle and r.gravity != best.gravity and g.step == grid.step
     )
-    apart = [math.degrees(each.root_mean_square) for each in (grid, worse)]
+    errors = [math.degrees(each.root_mean_square) for each in (grid, worse)]
     return (
         f"g {best.gravity} fits better than g {other.gravity}: {len(grid.agreeing)} against {len(worse.agreeing)} "
-        f"printed angles, {apart[0]:.2g} against {apart[1]:.2g} deg root mean square of the nearest points"
+        f"printed angles, {errors[0]:.2g} against {errors[1]:.2g} deg root mean square of the nearest points"
     )
 
 

@@ -18,7 +18,7 @@ from scipy.stats import chi2, norm
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
-from .quantities import ANGLES, Angles, Conditioning, Extent, FigureAt, Fit, Headlines, Left, Start
+from .quantities import ANGLES, Angles, Conditioning, Extent, Fit, Headlines, Left, QuantityAt, Start
 
 _PER_HALF = math.sqrt(3.0)  # standard deviations in a half width, for a uniform distribution
 _CONFIDENCE = 0.95
@@ -54,7 +54,7 @@ def fit(headlines: Headlines, start: Start, free: Sequence[str] = ANGLES, *, nam
         chi_square=chi_square,
         degrees_of_freedom=freedom,
         p_value=float(chi2.sf(chi_square, freedom)) if freedom else 1.0,
-        figures=figures_at(headlines, best),
+        figures=quantities_at(headlines, best),
         least_worst=least,
         compatible=least <= 1.0,
         extents=_extents(headlines, centre, columns, everywhere) if least <= 1.0 else (),
@@ -90,11 +90,11 @@ def _covariance(slopes: FloatArray, free: Sequence[str]) -> FloatArray:
     return np.asarray(np.linalg.inv(slopes.T @ slopes), dtype=np.float64)
 
 
-def figures_at(headlines: Headlines, angles: Start) -> tuple[FigureAt, ...]:
+def quantities_at(headlines: Headlines, angles: Start) -> tuple[QuantityAt, ...]:
     """Every printed figure at a start."""
     misses = headlines.misses(angles)
     return tuple(
-        FigureAt(name=f.name, computed=float(f.value + m * f.half), miss=float(m))
+        QuantityAt(name=f.name, computed=float(f.value + m * f.half), miss=float(m))
         for f, m in zip(headlines.printed, misses, strict=True)
     )
 
@@ -190,10 +190,10 @@ def left_out(headlines: Headlines, at: FloatArray) -> tuple[Left, ...]:
     whole = _linear_widths(misses, slopes)
     every = np.arange(len(misses))
     found: list[Left] = []
-    for i, figure in enumerate(headlines.printed):
+    for i, quantity in enumerate(headlines.printed):
         without = _linear_widths(misses[every != i], slopes[every != i])
         growth = [w / known if w and known else None for w, known in zip(without, whole, strict=True)]
-        found.append(Left(name=figure.name, growth=tuple(growth)))
+        found.append(Left(name=quantity.name, growth=tuple(growth)))
     return tuple(found)
 
 

@@ -24,13 +24,27 @@ from ...models.spec import NonNegative, Positive, Real, Spec
 from ...reference.solution import Solution
 from ...reference.throw.flight import Surroundings
 from ...reference.throw.release import Projectile
-from ..printed import parse
+from ..printed import (
+    BEST_L1,
+    BEST_SPEED,
+    ENERGY_GAIN,
+    LAUNCH_SPEED,
+    RATIOS,
+    RELEASE_TIME,
+    SLING_ANGLE,
+    SLING_RADIANS,
+    SPEED_GAIN,
+    TIME_STEP,
+    WAY,
+    Printed,
+)
+from ..printed import SWING as PRINTED_SWING
 
 Angles = tuple[Real, Real, Real]
 """theta0, phi0, alpha0 [rad]."""
 
 
-class PrintedFigure(Spec):
+class PrintedQuantity(Spec):
     """A number of the paper that depends on the start angles."""
 
     name: str
@@ -43,7 +57,7 @@ class PrintedFigure(Spec):
     fitted: bool = Field(description="False: it follows from others in print, and is only a bound of the set")
 
 
-class FigureAt(Spec):
+class QuantityAt(Spec):
     """A printed figure, computed at some start angles."""
 
     name: str
@@ -82,7 +96,7 @@ class Fit(Spec):
     chi_square: NonNegative
     degrees_of_freedom: int
     p_value: Real = Field(description="chance of a larger chi square, were the print's rounding all there is")
-    figures: tuple[FigureAt, ...]
+    figures: tuple[QuantityAt, ...]
     least_worst: NonNegative = Field(description="least that the worst miss can be made, in half widths")
     compatible: bool = Field(description="whether some angles give every printed figure: least_worst <= 1")
     extents: tuple[Extent, ...] = Field(description="of the set of those angles; none where it is empty")
@@ -143,7 +157,7 @@ class Identification(Spec):
     """The start angles from the paper's printed figures."""
 
     parameters: TrebuchetParameters = Field(description="all but the start angles")
-    printed: tuple[PrintedFigure, ...]
+    printed: tuple[PrintedQuantity, ...]
     fit: Fit = Field(description="of all three angles")
     nested: tuple[Fit, ...] = Field(description="with what the paper's equations fix; none where nothing fits")
     sensitivities: tuple[Sensitivity, ...]
@@ -164,47 +178,51 @@ RELEASE, PHI, SPEED, R_FIXED, R_ROLLING = "release time", "phi at release", "lau
 PHI_RADIANS, ENERGY, FASTER = "phi at release, in radians", "kinetic energy, rolling / fixed", "rolling faster by"
 SWING, TWICE_SWING = "counterweight swings out further by", "there and back"
 SHORTER = "launch speed with the shorter arm"
-
-SHORTER_ARM = 9.91
-"""l1 of :data:`SHORTER` [m], the whole arm's length unchanged (Sec. V)."""
-
-GRID = 0.005
-"""The paper's step between release times [s] (Sec. IV)."""
+"""At the l1 of the largest launch speed, the whole arm's length unchanged (Sec. V)."""
 
 _BEYOND = 0.3  # [s] solved past the printed release, and once more as long where a machine launches later
 _SAMPLES = 200  # of the counterweight's swing, between which its turning point is found
 _ROUNDED = "half a unit of the last printed digit"
 
 
-def _figure(
-    name: str, where: str, printed: str, unit: str, fitted: bool = True, grid: float = 0.0, because: str = _ROUNDED
-) -> PrintedFigure:
-    number = parse(printed)
-    half = max(number.half, grid / 2)
-    return PrintedFigure(
+def _fitted(
+    name: str,
+    where: str,
+    number: Printed,
+    unit: str = "",
+    fitted: bool = True,
+    grid: float = 0.0,
+    because: str = _ROUNDED,
+) -> PrintedQuantity:
+    return PrintedQuantity(
         name=name,
         where=where,
-        printed=printed,
+        printed=number.digits,
         unit=unit,
         value=number.value,
-        half=half,
+        half=max(number.half, grid / 2),
         because=because,
         fitted=fitted,
     )
 
 
+def _implied(name: str, where: str, number: Printed, unit: str = "") -> PrintedQuantity:
+    return _fitted(name, where, number, unit, fitted=False)
+
+
+_SWEPT = f"{_ROUNDED}; l1 = {BEST_L1} is a point of its sweep"
 PRINTED = (
-    _figure(RELEASE, "Sec. IV", "2.745", "s", grid=GRID, because=f"half the paper's grid of {GRID} s"),
-    _figure(PHI, "Sec. IV", "585", "deg"),
-    _figure(PHI_RADIANS, "Sec. IV", "10.2", "rad", fitted=False),
-    _figure(SPEED, "Sec. V", "99.4", "m/s"),
-    _figure(SHORTER, "Sec. V", "100.55", "m/s", because=f"{_ROUNDED}; l1 = {SHORTER_ARM} m is a point of its sweep"),
-    _figure(R_FIXED, "Sec. VI", "1.42", ""),
-    _figure(R_ROLLING, "Sec. VI", "1.83", ""),
-    _figure(ENERGY, "Sec. VI", "1.3", "", fitted=False),
-    _figure(FASTER, "Sec. VI", "13", "m/s", fitted=False),
-    _figure(SWING, "Sec. VI", "3.3", "m"),
-    _figure(TWICE_SWING, "Sec. VI", "6.6", "m", fitted=False),
+    _fitted(RELEASE, "Sec. IV", RELEASE_TIME, "s", grid=TIME_STEP, because=f"half the paper's grid of {TIME_STEP} s"),
+    _fitted(PHI, "Sec. IV", SLING_ANGLE, "deg"),
+    _implied(PHI_RADIANS, "Sec. IV", SLING_RADIANS, "rad"),
+    _fitted(SPEED, "Sec. V", LAUNCH_SPEED, "m/s"),
+    _fitted(SHORTER, "Sec. V", BEST_SPEED, "m/s", because=_SWEPT),
+    _fitted(R_FIXED, "Sec. VI", RATIOS["fixed"]),
+    _fitted(R_ROLLING, "Sec. VI", RATIOS["rolling"]),
+    _implied(ENERGY, "Sec. VI", ENERGY_GAIN),
+    _implied(FASTER, "Sec. VI", SPEED_GAIN, "m/s"),
+    _fitted(SWING, "Sec. VI", PRINTED_SWING, "m"),
+    _implied(TWICE_SWING, "Sec. VI", WAY, "m"),
 )
 """What the print allows. Not fitted: what is another printed number in other units, twice it, or follows from it."""
 
@@ -220,7 +238,7 @@ def machines(parameters: TrebuchetParameters, angles: Start) -> tuple[Mechanism,
     """
     fields = parameters.model_dump() | dict(zip(ANGLES, (float(angle) for angle in angles), strict=True))
     beam = fields["l1"] + fields.pop("l2")
-    shorter = TrebuchetParameters.with_beam(**fields | {"l1": SHORTER_ARM, "beam": beam})
+    shorter = TrebuchetParameters.with_beam(**fields | {"l1": BEST_L1.value, "beam": beam})
     started = TrebuchetParameters(**fields, l2=parameters.l2)
     return fixed(started), rolling(started), fixed(shorter)
 
@@ -230,11 +248,11 @@ class Headlines:
     """Misses of the printed figures as functions of the start angles; every start is computed once."""
 
     parameters: TrebuchetParameters
-    printed: tuple[PrintedFigure, ...] = PRINTED
+    printed: tuple[PrintedQuantity, ...] = PRINTED
     _known: dict[Angles, FloatArray] = field(default_factory=dict[Angles, FloatArray])
 
     def __post_init__(self) -> None:
-        names, known = [figure.name for figure in self.printed], [figure.name for figure in PRINTED]
+        names, known = [quantity.name for quantity in self.printed], [quantity.name for quantity in PRINTED]
         wrong = sorted(name for name in set(names) if name not in known or names.count(name) > 1)
         missing = [name for name in NEEDED if name not in names]
         if wrong or missing:
@@ -263,12 +281,12 @@ class Headlines:
     @property
     def release_time(self) -> float:
         """As printed [s]: phi is given for that instant."""
-        return next(figure.value for figure in self.printed if figure.name == RELEASE)
+        return next(quantity.value for quantity in self.printed if quantity.name == RELEASE)
 
     @property
     def fitted(self) -> list[int]:
         """Indices of the figures that count in a least squares fit."""
-        return [i for i, figure in enumerate(self.printed) if figure.fitted]
+        return [i for i, quantity in enumerate(self.printed) if quantity.fitted]
 
 
 def computed(parameters: TrebuchetParameters, angles: Start, release_time: float) -> dict[str, float]:

@@ -22,10 +22,10 @@ from ...models.errors import EngineNotInstalledError, InputError
 from ...models.machines.parameters import TrebuchetParameters
 from ...models.machines.trebuchet import fixed
 from ...models.mechanism import Mechanism
+from ..printed import TIME_STEP
 from .fit import conditioning, fit, left_out
 from .quantities import (
     ANGLES,
-    GRID,
     NEEDED,
     PHI,
     PRINTED,
@@ -39,7 +39,7 @@ from .quantities import (
     Identification,
     Left,
     Minimum,
-    PrintedFigure,
+    PrintedQuantity,
     Round,
     Search,
     Sensitivity,
@@ -74,7 +74,7 @@ class _Search:
     def __init__(self, headlines: Headlines) -> None:
         self.headlines = headlines
         self.parameters = headlines.parameters
-        self.printed = {figure.name: figure for figure in headlines.printed}
+        self.printed = {quantity.name: quantity for quantity in headlines.printed}
         self.machines = 0
 
     def run(self) -> Search:
@@ -140,7 +140,7 @@ class _Search:
         self.machines += len(builds)
         found = launch_batch(builds, duration=until)
         late = np.clip(
-            self.printed[RELEASE].value - found.time, -GRID, GRID
+            self.printed[RELEASE].value - found.time, -TIME_STEP, TIME_STEP
         )  # a step or two: there phi is a straight line
         return found.time, np.degrees(found.q[:, 1] + found.u[:, 1] * late), found.speed
 
@@ -153,14 +153,14 @@ class _Search:
         )
         return 0.5 * p.m_b * speed**2 / energy
 
-    def _miss(self, figure: PrintedFigure, value: FloatArray) -> FloatArray:
+    def _miss(self, quantity: PrintedQuantity, value: FloatArray) -> FloatArray:
         """In half widths. Phi is compared within a turn: how many turns phi0 is counted with is the paper's choice."""
-        apart = value - figure.value
-        if figure.name == PHI:
-            apart = np.remainder(apart + 180.0, 360.0) - 180.0
+        error = value - quantity.value
+        if quantity.name == PHI:
+            error = np.remainder(error + 180.0, 360.0) - 180.0
         # The launch at 45 deg stands for the best release, one grid step from it at most.
-        half = figure.half + (GRID if figure.name == RELEASE else 0.0)
-        return np.nan_to_num(apart / half, nan=_LOST)
+        half = quantity.half + (TIME_STEP if quantity.name == RELEASE else 0.0)
+        return np.nan_to_num(error / half, nan=_LOST)
 
     def _quick(self, starts: FloatArray) -> FloatArray:
         """Misses of all figures that a launch at 45 deg gives, of all three machines, shape (n, 6)."""
@@ -214,7 +214,7 @@ _GROWS = 1.05  # a set that grows by less than this without a figure does not ha
 
 
 def identify(
-    parameters: TrebuchetParameters | None = None, printed: Sequence[PrintedFigure] = PRINTED, globally: bool = True
+    parameters: TrebuchetParameters | None = None, printed: Sequence[PrintedQuantity] = PRINTED, globally: bool = True
 ) -> Identification:
     """Fit (theta0, phi0, alpha0) to printed figures, and say what they leave open.
 
@@ -263,7 +263,7 @@ def _start(headlines: Headlines, searched: Search | None) -> Angles:
         return (p.theta0, p.phi0, p.alpha0)
     theta, phi, alpha = searched.solutions[0].angles
     # The search compares phi within a turn; the print says how many turns phi0 is counted with.
-    at = next(i for i, figure in enumerate(headlines.printed) if figure.name == PHI)
+    at = next(i for i, quantity in enumerate(headlines.printed) if quantity.name == PHI)
     off = float(headlines.misses((theta, phi, alpha))[at]) * headlines.printed[at].half
     return (theta, phi - math.radians(360.0 * round(off / 360.0)), alpha)
 
@@ -282,7 +282,7 @@ def _sensitivities(headlines: Headlines, slopes: FloatArray) -> tuple[Sensitivit
     shares = np.zeros_like(slopes)
     shares[headlines.fitted] = slopes[headlines.fitted] ** 2
     shares /= shares.sum(axis=0)
-    halves = np.array([figure.half for figure in headlines.printed])
+    halves = np.array([quantity.half for quantity in headlines.printed])
     per_radian = (slopes * halves[:, None]).tolist()
     rows = zip(headlines.printed, per_radian, shares.tolist(), strict=True)
     return tuple(Sensitivity(name=f.name, per_radian=tuple(row), information=tuple(share)) for f, row, share in rows)
@@ -345,10 +345,10 @@ def _findings(
         yield f"with {each.name} ({each.held_because}) there is left: {what}"
     if searched is not None:
         others = searched.solutions[1:]
-        apart = f"; the next minimum misses {others[0].worst} by {others[0].miss:.3g} half widths" if others else ""
+        error = f"; the next minimum misses {others[0].worst} by {others[0].miss:.3g} half widths" if others else ""
         yield (
             f"{searched.machines} launches over all starts of the printed energy, theta0 within "
-            f"{math.degrees(searched.theta[1]):.3g} deg of level, show no second set{apart}"
+            f"{math.degrees(searched.theta[1]):.3g} deg of level, show no second set{error}"
             if not any(s.miss <= 1 for s in others)
             else f"the search finds {1 + sum(s.miss <= 1 for s in others)} separate sets of start angles"
         )
@@ -359,8 +359,8 @@ def _bearing(left: Sequence[Left]) -> Iterator[str]:
     growths = {each.name: max(math.inf if g is None else g for g in each.growth) for each in left}
     bearing = sorted((name for name, growth in growths.items() if growth >= _GROWS), key=lambda name: -growths[name])
     if bearing:
-        said = ", ".join(f"{name} ({growths[name]:.3g} times as wide without it)" for name in bearing)
-        yield f"the set is bounded by: {said}; the other figures only agree"
+        parts = ", ".join(f"{name} ({growths[name]:.3g} times as wide without it)" for name in bearing)
+        yield f"the set is bounded by: {parts}; the other figures only agree"
 
 
 def _round_findings(rounds: Sequence[Round], single: Angles | None) -> Iterator[str]:

@@ -61,7 +61,9 @@ def _judged(better: MachineEfficiency, worse: MachineEfficiency, machines: Machi
     if better.most_efficient is None:
         return Judgement(Verdict.OPEN, rule, f"other lengths were not looked at, which needs heyoka: {facts}")
     at_best = better.most_efficient.efficiency / worse.table_one.efficiency
-    last = f"the most efficient {_spoken(better)} against the {_spoken(worse)} machine as built, {at_best:.3g}"
+    last = (
+        f"the most efficient {_format_name(better)} against the {_format_name(worse)} machine as built, {at_best:.3g}"
+    )
     if at_best > need or any(ratio > need for ratio in ratios):
         why = f"it depends on lengths that the paper does not give: {facts}; {last} ({_within(machines, better)})"
         return Judgement(Verdict.OPEN, rule, why)
@@ -78,10 +80,10 @@ def _ratios(better: MachineEfficiency, worse: MachineEfficiency) -> tuple[list[f
         pairs["with the most efficient of each kind"] = (better.most_efficient, worse.most_efficient)
     ratios = {name: one.efficiency / other.efficiency for name, (one, other) in pairs.items()}
     parts = [f"{ratios[name]:.3g} {name} ({a.efficiency:.3g} to {b.efficiency:.3g})" for name, (a, b) in pairs.items()]
-    return list(ratios.values()), f"{_spoken(better)} over {_spoken(worse)} is {', '.join(parts)}"
+    return list(ratios.values()), f"{_format_name(better)} over {_format_name(worse)} is {', '.join(parts)}"
 
 
-def _spoken(machine: MachineEfficiency) -> str:
+def _format_name(machine: MachineEfficiency) -> str:
     return machine.name.replace("-", " ")
 
 

@@ -113,13 +113,13 @@ def _optimised(sweep: Sweep, evidence: Evidence, rising: Cause) -> Row:
 
 
 def _falls_backward(sweep: Sweep) -> Row:
-    places = [place for place in sweep.positions if place.l1 < BACKWARD_L1.value]
-    back = min((place.furthest_back for place in places), default=0.0)
-    turning = min((place.arm_torque for place in places), default=sweep.backward.least_torque)
-    falls = any(place.arm_torque < 0 or place.furthest_back < 0 for place in places)
+    positions = [position for position in sweep.positions if position.l1 < BACKWARD_L1.value]
+    back = min((position.furthest_back for position in positions), default=0.0)
+    turning = min((position.arm_torque for position in positions), default=sweep.backward.least_torque)
+    falls = any(position.arm_torque < 0 or position.furthest_back < 0 for position in positions)
     never = Cause(
         not falls,
-        f"at all {len(places)} places below {BACKWARD_L1} that were looked at gravity turns the arm forward, with "
+        f"at all {len(positions)} places below {BACKWARD_L1} that were looked at gravity turns the arm forward, with "
         f"{turning:.4g} N m or more, and the arm never comes behind its start",
     )
     return Row(
@@ -130,7 +130,7 @@ def _falls_backward(sweep: Sweep) -> Row:
         Quantity(value=back, unit="rad"),
         occurs(falls, "an arm that turns backward", [never]),
         FIXED,
-        min(places, key=lambda place: place.l1).engines_furthest_back if places else (),
+        min(positions, key=lambda position: position.l1).engines_furthest_back if positions else (),
     )
 
 
@@ -142,8 +142,8 @@ def _past_pivot(sweep: Sweep) -> Row:
         never = Cause(True, "on no part of the beam does it start behind the fulcrum")
         return row(ours=None, judge=occurs(False, "such a place", [never]))
     other = Cause(falls is not None, f"only below l1 = {falls or 0.0:.4g} m would gravity turn the arm backward")
-    place = Quantity(value=past, uncertainty=1e-12 * past, unit="m")
-    return row(ours=place, judge=partial(as_printed, causes=[other]))
+    position = Quantity(value=past, uncertainty=1e-12 * past, unit="m")
+    return row(ours=position, judge=partial(as_printed, causes=[other]))
 
 
 def _below(sweep: Sweep) -> Iterator[Row]:
@@ -186,7 +186,7 @@ def _below(sweep: Sweep) -> Iterator[Row]:
 
 
 def _suspect(sweep: Sweep) -> Iterator[Row]:
-    near, place = sweep.suspect, sweep.position(ZERO_L1.value)
+    near, position = sweep.suspect, sweep.position(ZERO_L1.value)
     missing = [search for search in sweep.artefact.searches if near.l1 in search.fails_at]
     alone = [search for search in missing if len(search.fails_at) == 1]
     causes = [
@@ -203,10 +203,10 @@ def _suspect(sweep: Sweep) -> Iterator[Row]:
         _FIG,
         NO_SPEED,
         "speed when the velocity is at 45 deg",
-        place.speed if place and place.speed else Quantity(value=near.speed, unit="m/s"),
+        position.speed if position and position.speed else Quantity(value=near.speed, unit="m/s"),
         partial(as_printed, causes=causes),
         FIXED,
-        place.engines if place else (),
+        position.engines if position else (),
     )
     yield Row(
         "that zero is an error of computation",
@@ -233,8 +233,8 @@ def _beyond(sweep: Sweep) -> Iterator[Row]:
     change, swing = sweep.regime.l1, sweep.regime.swing
     if change is None:
         return
-    with_engines = [place for place in sweep.positions if place.engines and place.l1 > change.value]
-    above: Position | None = min(with_engines, key=lambda place: place.l1, default=sweep.regime.above)
+    with_engines = [position for position in sweep.positions if position.engines and position.l1 > change.value]
+    above: Position | None = min(with_engines, key=lambda position: position.l1, default=sweep.regime.above)
     if above is None or above.speed is None:
         return
     speed = above.bilateral_speed

@@ -26,7 +26,7 @@ from ...reference.solution import Solution
 from ...reference.solver import characteristic_time, solve
 from ...reference.taylor.solve import launch_batch
 from .results import EarlyCrossing, RootSearch, WrongZero
-from .rigid_swing import Whole, pendulum
+from .rigid_swing import RigidSwing, pendulum
 
 SPANS = 2.5
 """How long a launch is looked for, in the machine's characteristic times: Table I launches after 1.5 of them."""
@@ -45,21 +45,21 @@ def release_once(mechanisms: Sequence[Mechanism]) -> tuple[FloatArray, FloatArra
     return times, np.array([np.nan if launch is None else launch.speed for launch in launches])
 
 
-def pulls_at_start(whole: Whole) -> bool:
+def pulls_at_start(rigid: RigidSwing) -> bool:
     """Whether a rest that touches at the start would have to pull there: only then do the two laws differ."""
-    return any(whole.start_torque(stop.name) < 0 for stop in whole.mechanism.stops if stop.closed)
+    return any(rigid.start_torque(stop.name) < 0 for stop in rigid.mechanism.stops if stop.closed)
 
 
-def bilateral(whole: Whole) -> Solution:
+def bilateral(rigid: RigidSwing) -> Solution:
     """The motion with each rest held until its own torque comes to zero, from either side, then gone.
 
     Raises:
         SimulationError: the integrator gave up.
     """
-    mechanism = whole.mechanism
+    mechanism = rigid.mechanism
     problem = Problem(mechanism, duration=SPANS * characteristic_time(mechanism))
     releases: dict[str, float | None] = {stop.name: None for stop in mechanism.stops if stop.closed}
-    zeros = ((time, name) for name in releases for time in whole.zeros(name) if time < problem.duration)
+    zeros = ((time, name) for name in releases for time in rigid.zeros(name) if time < problem.duration)
     now, first = min(zeros, default=(0.0, None))
     if first is not None:
         releases[first] = now
@@ -100,13 +100,13 @@ _AFTER = 5.0  # [s] of motion looked at after the hanger's late release
 
 
 @dataclass(frozen=True)
-class Places:
+class Searches:
     """Newton's method on the hanger's torque, both rests held, at many places of the fulcrum at once."""
 
     l1: FloatArray
-    wholes: tuple[Whole, ...]
+    rigids: tuple[RigidSwing, ...]
 
-    def search(self, guess: float, asked: Sequence[float]) -> RootSearch:
+    def search(self, guess: float, wanted: Sequence[float]) -> RootSearch:
         """From one guess [s] everywhere.
 
         Args:
@@ -121,7 +121,7 @@ class Places:
             lowest=float(self.l1[lowest]) if lowest < len(self.l1) else None,
             later_zero=int(later[below].sum()),
             no_zero=int((~first & ~later)[below].sum()),
-            fails_at=tuple(x for x in asked if not first[int(np.argmin(np.abs(self.l1 - x)))]),
+            fails_at=tuple(x for x in wanted if not first[int(np.argmin(np.abs(self.l1 - x)))]),
         )
 
     def matching_guess(self, threshold: float) -> float | None:
@@ -157,30 +157,30 @@ class Places:
 
     @cached_property
     def _swings(self) -> tuple[FloatArray, ComplexArray, FloatArray, FloatArray, FloatArray]:
-        torques = [whole.rest_torque(HANGER_REST) for whole in self.wholes]
+        torques = [rigid.rest_torque(HANGER_REST) for rigid in self.rigids]
         return (
             np.array([constant for constant, _ in torques]),
             np.array([wave for _, wave in torques]),
-            np.array([whole.amplitude for whole in self.wholes]),
-            np.array([whole.frequency for whole in self.wholes]),
-            np.array([whole.sense for whole in self.wholes]),
+            np.array([rigid.amplitude for rigid in self.rigids]),
+            np.array([rigid.frequency for rigid in self.rigids]),
+            np.array([rigid.sense for rigid in self.rigids]),
         )
 
     @cached_property
     def _first_zeros(self) -> FloatArray:
-        return np.array([min(whole.zeros(HANGER_REST), default=np.nan) for whole in self.wholes])
+        return np.array([min(rigid.zeros(HANGER_REST), default=np.nan) for rigid in self.rigids])
 
 
-def wrong_zero(whole: Whole) -> WrongZero | None:
+def wrong_zero(rigid: RigidSwing) -> WrongZero | None:
     """The motion when the hanger's rest is held to the second zero of its torque; None if there is none.
 
     Raises:
         SimulationError: the integrator gave up.
     """
-    zeros = whole.zeros(HANGER_REST)
+    zeros = rigid.zeros(HANGER_REST)
     if len(zeros) < 2:
         return None
-    problem = Problem(whole.mechanism, duration=zeros[1] + _AFTER)
+    problem = Problem(rigid.mechanism, duration=zeros[1] + _AFTER)
     releases: dict[str, float | None] = {HANGER_REST: zeros[1], SLING_REST: None}
     solution = solve_scheduled(problem, releases)
     opened = first_zero(solution, [SLING_REST], zeros[1])
@@ -188,7 +188,7 @@ def wrong_zero(whole: Whole) -> WrongZero | None:
         releases[SLING_REST] = opened[0]
         solution = solve_scheduled(problem, releases)
     return WrongZero(
-        l1=whole.parameters.l1,
+        l1=rigid.parameters.l1,
         release_times=releases,
         crossings=() if opened is None else tuple(crossings(solution, opened[0], problem.duration)),
     )

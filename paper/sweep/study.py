@@ -21,10 +21,11 @@ from ...reference.solution import Solution
 from ...reference.solver import solve_to_launch
 from ...reference.throw.release import Projectile
 from ..allowances import furthest_back, launches
+from ..printed import BACKWARD_L1, BEST_L1, TABLE_L1, ZERO_L1
 from ..results import Quantity
-from .laws import Places, bilateral, early_crossings, pulls_at_start, release_once, wrong_zero
+from .laws import Searches, bilateral, early_crossings, pulls_at_start, release_once, wrong_zero
 from .results import Artefact, Backward, Curve, Neighbourhood, Peak, Position, Regime, Sweep, Swing, Trend
-from .rigid_swing import Whole, gravity_and_inertia, hanger_torque_on_beam, on_beam, zeros_within
+from .rigid_swing import RigidSwing, gravity_and_inertia, hanger_torque_on_beam, on_beam, zeros_within
 
 HAIR = 1e-6
 """Either side of the regime change [m]: to this it is located."""
@@ -42,19 +43,19 @@ class Beam:
     start: float
     end: float
 
-    def whole(self, l1: float) -> Whole:
+    def rigid(self, l1: float) -> RigidSwing:
         """The machine at a place, its rests held."""
-        return Whole(on_beam(self.parameters, self.length, l1))
+        return RigidSwing(on_beam(self.parameters, self.length, l1))
 
     def speeds(self, l1: FloatArray) -> FloatArray:
         """Launch speeds under release-once [m/s], NaN where there is no launch; shape like l1."""
         return release_once([fixed(on_beam(self.parameters, self.length, float(x))) for x in l1])[1]
 
-    def bilateral_speed(self, whole: Whole, free: float) -> float:
+    def bilateral_speed(self, rigid: RigidSwing, free: float) -> float:
         """Under the bilateral law, `free` being that under release-once [m/s]; NaN without a launch."""
-        if not pulls_at_start(whole):
+        if not pulls_at_start(rigid):
             return free  # the laws differ in nothing but a rest that would have to pull at the start
-        launch = bilateral(whole).launch
+        launch = bilateral(rigid).launch
         return np.nan if launch is None else launch.speed
 
     def curve(self) -> Curve:
@@ -64,11 +65,11 @@ class Beam:
             InputError: the machine launches nowhere.
         """
         l1 = np.linspace(self.start, self.end, _INTERVALS + 1)
-        wholes = [self.whole(float(x)) for x in l1]
-        times, speeds = release_once([whole.mechanism for whole in wholes])
+        rigids = [self.rigid(float(x)) for x in l1]
+        times, speeds = release_once([rigid.mechanism for rigid in rigids])
         if not np.isfinite(speeds).any():
             raise InputError(f"the machine launches nowhere for l1 from {self.start!r} to {self.end!r} m.")
-        held = [self.bilateral_speed(whole, float(speed)) for whole, speed in zip(wholes, speeds, strict=True)]
+        held = [self.bilateral_speed(rigid, float(speed)) for rigid, speed in zip(rigids, speeds, strict=True)]
         return Curve(
             l1=tuple(l1.tolist()),
             release_once=_or_none(speeds),
@@ -84,14 +85,14 @@ class Beam:
         fine, rough = (Chebyshev.interpolate(self.speeds, degree, domain) for degree in (_DEGREE, _DEGREE - 4))
         places = [_stationary(fit, domain) for fit in (fine, rough)]
         at = highest if places[0] is None else places[0]
-        solution = solve_to_launch(self.whole(at).mechanism)
+        solution = solve_to_launch(self.rigid(at).mechanism)
         exact = np.nan if solution.launch is None else solution.launch.speed
         error = _SAFETY * (abs(exact - float(fine(at))) + abs(float(fine(at) - rough(at))))
         # The flatter the peak, the less a speed says about its place: e = v'' x^2 / 2.
         bend = abs(float(fine.deriv(2)(at)))
-        apart = abs(at - places[1]) if places[0] is not None and places[1] is not None else np.sqrt(2 * error / bend)
+        error = abs(at - places[1]) if places[0] is not None and places[1] is not None else np.sqrt(2 * error / bend)
         return Peak(
-            l1=Quantity(value=at, uncertainty=float(_SAFETY * apart + np.spacing(at)), unit="m"),
+            l1=Quantity(value=at, uncertainty=float(_SAFETY * error + np.spacing(at)), unit="m"),
             speed=Quantity(value=float(exact), uncertainty=error, unit="m/s"),
             lever_ratio=at / (self.length - at),
             interior=places[0] is not None,
@@ -99,8 +100,8 @@ class Beam:
 
     def position(self, l1: float, engines: Sequence[str] = (), worker: Worker | None = None) -> Position:
         """All that is said of one place."""
-        whole = self.whole(l1)
-        solution = solve_to_launch(whole.mechanism)
+        rigid = self.rigid(l1)
+        solution = solve_to_launch(rigid.mechanism)
         launch = solution.launch
         other = float(self.speeds(np.array([l1]))[0])
         end = solution.segments[-1].end if launch is None else launch.time
@@ -109,15 +110,15 @@ class Beam:
         speed = None if launch is None else Quantity(
             value=launch.speed, uncertainty=_SAFETY * abs(other - launch.speed), unit="m/s"
         )  # fmt: skip
-        held = self.bilateral_speed(whole, np.nan if launch is None else launch.speed)
+        held = self.bilateral_speed(rigid, np.nan if launch is None else launch.speed)
         return Position(
             l1=l1,
             lever_ratio=l1 / (self.length - l1),
-            arm_torque=whole.torque,
-            arm_acceleration=whole.acceleration,
-            counterweight_acceleration=whole.point_acceleration("hanger"),
-            rest_torques={s.name: whole.start_torque(s.name) for s in whole.mechanism.stops if s.closed},
-            release_times={s.name: solution.release_times[s.name] for s in whole.mechanism.stops if s.closed},
+            arm_torque=rigid.torque,
+            arm_acceleration=rigid.acceleration,
+            counterweight_acceleration=rigid.point_acceleration("hanger"),
+            rest_torques={s.name: rigid.start_torque(s.name) for s in rigid.mechanism.stops if s.closed},
+            release_times={s.name: solution.release_times[s.name] for s in rigid.mechanism.stops if s.closed},
             furthest_back=furthest_back(trajectory, end),
             launch_time=None if launch is None else launch.time,
             speed=speed,
@@ -154,7 +155,7 @@ class Beam:
 
     def start_torque(self, l1: float) -> float:
         """Of the hanger's rest, both held, by the equations of motion [N m]."""
-        mechanism = self.whole(l1).mechanism
+        mechanism = self.rigid(l1).mechanism
         q = np.array(mechanism.start)
         closed = [stop.name for stop in mechanism.stops if stop.closed]
         return float(Equations(mechanism).solve(q, np.zeros_like(q), closed)[1][closed.index(HANGER_REST)])
@@ -170,15 +171,15 @@ class Beam:
         l1 = self.change
         if l1 is None:
             return Regime(l1=None)
-        p, whole = self.parameters, self.whole(l1)
+        p, rigid = self.parameters, self.rigid(l1)
         near = max(self.start, l1 - 0.1), min(self.end, l1 + 0.1)
         root = float(brentq(self.start_torque, *near, xtol=1e-14, rtol=1e-15))
         beside = [self.position(x) for x in (l1 - HAIR, l1 + HAIR)]
-        above = self.whole(l1 + HAIR)
+        above = self.rigid(l1 + HAIR)
         return Regime(
             l1=Quantity(value=l1, uncertainty=_SAFETY * abs(root - l1) + np.spacing(l1), unit="m"),
             root=root,
-            needed=whole.acceleration * (p.h - (self.length - l1) * float(np.cos(p.theta0 - p.alpha0))),
+            needed=rigid.acceleration * (p.h - (self.length - l1) * float(np.cos(p.theta0 - p.alpha0))),
             available=p.g * float(np.cos(p.alpha0)),
             below=beside[0],
             above=beside[1],
@@ -211,7 +212,7 @@ class Beam:
 
     def solution(self, l1: float) -> Solution:
         """The reference motion at a place, under release-once."""
-        return solve_to_launch(self.whole(l1).mechanism)
+        return solve_to_launch(self.rigid(l1).mechanism)
 
 
 def _stationary(fit: Chebyshev, domain: tuple[float, float]) -> float | None:
@@ -231,8 +232,6 @@ ENGINES = ("mujoco", "pymunk", "exudyn")
 WITH_ENGINES = (8.6, 9.0, 9.5, 9.89, 10.3, 12.6, 12.72, 12.73, 12.9)
 """Places [m] the engines are asked about: where the paper's machine falls backward, where its plot is zero, and both
 sides of the regime change."""
-PAPER_PEAK, PAPER_L1, SUSPECT, THRESHOLD = 9.91, 10.0, 10.3, 9.9
-"""Printed in Sec. V [m]."""
 DENNY = (3.0, 5.0)
 """Lever ratios the paper quotes as the best for a similar system."""
 PAPER_GRID = 0.01
@@ -273,10 +272,10 @@ def fulcrum_sweep(
     curve = line.curve()
     peak = line.peak(curve)
     regime = line.regime()
-    asked = {x for x in with_engines if start <= x <= end}
-    others = {PAPER_PEAK, PAPER_L1, SUSPECT, *(beam * ratio / (1 + ratio) for ratio in DENNY)}
-    places = sorted(asked | {x for x in others if start <= x <= end} | {peak.l1.value})
-    positions = tuple(line.position(x, engines if x in asked else (), worker) for x in places)
+    wanted = {x for x in with_engines if start <= x <= end}
+    others = {BEST_L1.value, TABLE_L1.value, ZERO_L1.value, *(beam * ratio / (1 + ratio) for ratio in DENNY)}
+    places = sorted(wanted | {x for x in others if start <= x <= end} | {peak.l1.value})
+    positions = tuple(line.position(x, engines if x in wanted else (), worker) for x in places)
     return Sweep(
         beam=beam,
         start=start,
@@ -285,9 +284,9 @@ def fulcrum_sweep(
         peak=peak,
         positions=positions,
         backward=line.backward(positions),
-        suspect=line.neighbourhood(SUSPECT, PAPER_GRID),
+        suspect=line.neighbourhood(ZERO_L1.value, PAPER_GRID),
         regime=regime,
-        trend=line.trend(curve, PAPER_PEAK, end if regime.l1 is None else regime.l1.value),
+        trend=line.trend(curve, BEST_L1.value, end if regime.l1 is None else regime.l1.value),
         artefact=_artefact(line, regime),
         seconds=time.perf_counter() - began,
     )
@@ -296,16 +295,16 @@ def fulcrum_sweep(
 def _artefact(line: Beam, regime: Regime) -> Artefact:
     end = line.end if regime.l1 is None else regime.l1.value
     l1 = np.round(np.arange(line.start, end, PAPER_GRID), 9)
-    places = Places(l1, tuple(line.whole(float(x)) for x in l1))
-    guess = places.matching_guess(THRESHOLD)
-    late = [wrong_zero(line.whole(x)) for x in _LATE if line.start <= x <= end]
+    places = Searches(l1, tuple(line.rigid(float(x)) for x in l1))
+    guess = places.matching_guess(BACKWARD_L1.value)
+    late = [wrong_zero(line.rigid(x)) for x in _LATE if line.start <= x <= end]
     early = [found for x in _EARLY if line.start <= x <= line.end for found in early_crossings(x, line.solution(x))]
     return Artefact(
-        threshold=THRESHOLD,
+        threshold=BACKWARD_L1.value,
         step=PAPER_GRID,
-        searches=tuple(places.search(each, (SUSPECT,)) for each in _GUESSES),
+        searches=tuple(places.search(each, (ZERO_L1.value,)) for each in _GUESSES),
         matching_guess=guess,
-        matching_search=None if guess is None else places.search(guess, (SUSPECT,)),
+        matching_search=None if guess is None else places.search(guess, (ZERO_L1.value,)),
         wrong_zeros=tuple(found for found in late if found is not None),
         early_crossings=tuple(early),
     )

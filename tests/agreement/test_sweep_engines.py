@@ -7,7 +7,7 @@ from functools import cache
 import pytest
 import trebucheck as tb
 from trebucheck.paper.allowances import allowed, launches
-from trebucheck.paper.design.first_forward_swing import FirstSweep, first_sweep
+from trebucheck.paper.design.first_forward_swing import FirstForwardSwing, first_forward_swing_of
 from trebucheck.paper.design.study import FIGURES, confirmed
 from trebucheck.paper.results import EngineValue
 from trebucheck.paper.sweep.study import Beam
@@ -42,8 +42,8 @@ def test_launch_speed_and_no_fall_backward(engine_name: str, l1: float) -> None:
 
 
 @cache
-def _coinciding() -> FirstSweep:
-    found = first_sweep(tb.rolling(COINCIDING), solve)
+def _coinciding() -> FirstForwardSwing:
+    found = first_forward_swing_of(tb.rolling(COINCIDING), solve)
     assert found is not None
     return found
 
@@ -78,8 +78,8 @@ def test_tolerances_are_tight_enough_to_catch_a_wrong_machine() -> None:
     solution = solve_to_launch(tb.fixed(tb.TrebuchetParameters.with_beam(9.5)))
     other = solve_to_launch(tb.fixed(tb.TrebuchetParameters.with_beam(9.5, r=6.006)))
     assert solution.launch is not None and other.launch is not None
-    apart = abs(other.launch.speed - solution.launch.speed)
+    delay = abs(other.launch.speed - solution.launch.speed)
     for name in ("mujoco", "exudyn"):
         if tb.engines()[name].installed:
             (speed,), _ = launches([name], Projectile(solution), solution.launch.time, None)
-            assert speed.tolerance is not None and speed.tolerance < apart
+            assert speed.tolerance is not None and speed.tolerance < delay

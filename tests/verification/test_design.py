@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.paper.design.first_forward_swing import Reading, first_sweep
+from trebucheck.paper.design.first_forward_swing import Reading, first_forward_swing_of
 from trebucheck.paper.design.search import NEARNESS, RANGE, Family
 from trebucheck.paper.design.study import FARTHEST, NEAREST, Bounds, Design, design_rolling, tolerances
 from trebucheck.reference.solver import solve, solve_to_launch
@@ -102,11 +102,11 @@ def test_within_all_constraints() -> None:
 
 def test_a_machine_that_throws_nothing_is_no_design() -> None:
     parameters = tb.TrebuchetParameters.with_beam(9.0, r=8.0, h=4.0)  # its best release only goes over the fulcrum
-    assert first_sweep(tb.rolling(parameters)) is None
+    assert first_forward_swing_of(tb.rolling(parameters)) is None
 
 
 def test_tolerances_grow_with_the_bar() -> None:
-    found = first_sweep(tb.rolling(), solve)
+    found = first_forward_swing_of(tb.rolling(), solve)
     assert found is not None
     small, large = tolerances(found, 1e-6), tolerances(found, 1e-3)
     for name, value in small.items():

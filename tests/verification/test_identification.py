@@ -18,7 +18,7 @@ from trebucheck.paper.identification.quantities import (
     SPEED,
     Headlines,
     Identification,
-    PrintedFigure,
+    PrintedQuantity,
     computed,
 )
 from trebucheck.paper.identification.study import identify
@@ -28,21 +28,21 @@ TABLE = TrebuchetParameters()
 PAPER = (0.0, math.pi, -math.pi / 4)
 
 
-def _printed_of(parameters: TrebuchetParameters, angles: tuple[float, float, float]) -> tuple[PrintedFigure, ...]:
+def _printed_of(parameters: TrebuchetParameters, angles: tuple[float, float, float]) -> tuple[PrintedQuantity, ...]:
     """What the paper would have printed of another machine, with as many digits."""
     release = computed(parameters, angles, PRINTED[0].value)[PRINTED[0].name]
     step = 2 * PRINTED[0].half
     on_grid = round(release / step) * step
     values = computed(parameters, angles, on_grid) | {PRINTED[0].name: release}
     rounded = {f.name: round(values[f.name] / (2 * f.half)) * 2 * f.half for f in PRINTED}
-    return tuple(figure.model_copy(update={"value": rounded[figure.name]}) for figure in PRINTED)
+    return tuple(quantity.model_copy(update={"value": rounded[quantity.name]}) for quantity in PRINTED)
 
 
 def test_slopes_are_the_exact_derivatives() -> None:
     exact = sensitivities(fixed, TABLE)
     expected = [exact.d_launch_speed[exact.names.index(angle)] for angle in ANGLES]
     headlines = Headlines(TABLE)
-    row = [figure.name for figure in PRINTED].index(SPEED)
+    row = [quantity.name for quantity in PRINTED].index(SPEED)
     # Central differences over 1e-5 rad of speeds good to 1e-11: 1e-6 m/s per rad, of some ten.
     assert headlines.jacobian(PAPER)[row] * PRINTED[row].half == pytest.approx(expected, rel=1e-6, abs=2e-6)
 
@@ -57,9 +57,9 @@ def test_a_known_start_is_found_from_its_rounded_figures() -> None:
     for value, extent in zip(truth, found.extents, strict=True):
         assert extent.low <= value <= extent.high
     # No figure of the truth is off by more than its half width, sqrt(3) standard deviations.
-    apart = np.array(found.angles) - truth
-    distance = apart @ np.linalg.inv(np.array(found.covariance)) @ apart
-    assert distance <= 3 * sum(figure.fitted for figure in PRINTED)
+    error = np.array(found.angles) - truth
+    distance = error @ np.linalg.inv(np.array(found.covariance)) @ error
+    assert distance <= 3 * sum(quantity.fitted for quantity in PRINTED)
 
 
 @pytest.mark.slow
@@ -80,7 +80,7 @@ def test_ends_of_the_compatible_set_are_where_a_figure_leaves_its_digits() -> No
 @pytest.mark.slow
 def test_figures_that_contradict_each_other_leave_nothing() -> None:
     printed = tuple(
-        figure.model_copy(update={"value": 1.93}) if figure.name == R_ROLLING else figure for figure in PRINTED
+        quantity.model_copy(update={"value": 1.93}) if quantity.name == R_ROLLING else quantity for quantity in PRINTED
     )
     found = identify(TABLE, printed, globally=False)
     assert not found.fit.compatible

@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.paper.sweep.laws import Places, bilateral, pulls_at_start
-from trebucheck.paper.sweep.rigid_swing import Whole, gravity_and_inertia, hanger_torque_on_beam, on_beam
+from trebucheck.paper.sweep.laws import Searches, bilateral, pulls_at_start
+from trebucheck.paper.sweep.rigid_swing import RigidSwing, gravity_and_inertia, hanger_torque_on_beam, on_beam
 from trebucheck.paper.sweep.study import Sweep, fulcrum_sweep
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.perturbed import solve_scheduled
@@ -31,21 +31,21 @@ def sweep() -> Sweep:
 
 @pytest.mark.parametrize("parameters", [tb.TrebuchetParameters(), AWAY], ids=["Table I", "away"])
 def test_the_whole_machine_swings_as_the_held_one_is_integrated(parameters: tb.TrebuchetParameters) -> None:
-    whole = Whole(parameters)
-    t = np.linspace(0.0, 0.6 * whole.period, 60)
-    held = solve_scheduled(tb.Problem(whole.mechanism, duration=float(t[-1])), dict.fromkeys(RESTS)).motion(t)
-    turned, rate = whole.turned(t)
+    rigid = RigidSwing(parameters)
+    t = np.linspace(0.0, 0.6 * rigid.period, 60)
+    held = solve_scheduled(tb.Problem(rigid.mechanism, duration=float(t[-1])), dict.fromkeys(RESTS)).motion(t)
+    turned, rate = rigid.turned(t)
     # The integrator's local error is 1e-12; a pendulum multiplies it by its turns, not exponentially.
     assert np.abs(turned - (held.q[:, 0] - parameters.theta0)).max() < 1e-10
     assert np.abs(rate - held.u[:, 0]).max() < 1e-10
     for name in RESTS:
-        constant, wave = whole.rest_torque(name)
+        constant, wave = rigid.rest_torque(name)
         torque = constant + (wave * np.exp(-1j * turned)).real
         assert torque == pytest.approx(held.stop_torques[name], abs=1e-9 * abs(wave))
-        zeros = np.array(whole.zeros(name))
-        at = constant + (wave * np.exp(-1j * whole.turned(zeros)[0])).real
+        zeros = np.array(rigid.zeros(name))
+        at = constant + (wave * np.exp(-1j * rigid.turned(zeros)[0])).real
         assert np.abs(at).max(initial=0.0) < 1e-9 * abs(wave)
-        assert whole.largest_torque(name) >= torque.max() * (1 - 1e-12)
+        assert rigid.largest_torque(name) >= torque.max() * (1 - 1e-12)
 
 
 @pytest.mark.parametrize("parameters", [tb.TrebuchetParameters(), AWAY], ids=["Table I", "away"])
@@ -84,7 +84,7 @@ def test_nothing_falls_backward_on_the_swept_range() -> None:
     assert found.l1 is not None and found.counterweight_past_pivot is not None
     assert found.counterweight_past_pivot == pytest.approx(BEAM - 10 * math.sqrt(0.5), rel=1e-14)
     for l1, sign in ((found.l1 + 1e-6, 1), (found.l1 - 1e-6, -1)):
-        assert math.copysign(1, Whole(on_beam(tb.TrebuchetParameters(), BEAM, l1)).acceleration) == sign
+        assert math.copysign(1, RigidSwing(on_beam(tb.TrebuchetParameters(), BEAM, l1)).acceleration) == sign
 
 
 def test_a_machine_beyond_that_does_fall_backward() -> None:
@@ -120,9 +120,9 @@ def test_the_regime_changes_where_the_rest_would_have_to_pull() -> None:
 
 
 def test_under_the_bilateral_law_stops_go_at_their_zeros() -> None:
-    whole = Whole(on_beam(tb.TrebuchetParameters(), BEAM, 12.8))
-    assert pulls_at_start(whole) and not pulls_at_start(Whole(tb.TrebuchetParameters()))
-    solution = bilateral(whole)
+    rigid = RigidSwing(on_beam(tb.TrebuchetParameters(), BEAM, 12.8))
+    assert pulls_at_start(rigid) and not pulls_at_start(RigidSwing(tb.TrebuchetParameters()))
+    solution = bilateral(rigid)
     for name in RESTS:
         time = solution.release_times[name]
         assert time is not None
@@ -134,8 +134,8 @@ def test_under_the_bilateral_law_stops_go_at_their_zeros() -> None:
 
 
 def test_without_a_pull_both_laws_are_one() -> None:
-    whole = Whole(tb.TrebuchetParameters())
-    found, expected = bilateral(whole).launch, solve_to_launch(whole.mechanism).launch
+    rigid = RigidSwing(tb.TrebuchetParameters())
+    found, expected = bilateral(rigid).launch, solve_to_launch(rigid.mechanism).launch
     assert found and expected
     assert found.speed == pytest.approx(expected.speed, abs=1e-8)
 
@@ -163,10 +163,10 @@ def test_a_search_from_one_guess_ends_on_the_wrong_zero_below_a_threshold() -> N
 
 
 def test_newton_from_the_zero_itself_stays_there() -> None:
-    whole = Whole(tb.TrebuchetParameters())
-    search = Places(np.array([10.0]), (whole,)).search(whole.zeros("hanger rest")[0], (10.0,))
+    rigid = RigidSwing(tb.TrebuchetParameters())
+    search = Searches(np.array([10.0]), (rigid,)).search(rigid.zeros("hanger rest")[0], (10.0,))
     assert search.lowest == 10.0 and search.fails_at == ()
-    late = Places(np.array([10.0]), (whole,)).search(whole.zeros("hanger rest")[1], (10.0,))
+    late = Searches(np.array([10.0]), (rigid,)).search(rigid.zeros("hanger rest")[1], (10.0,))
     assert late.lowest is None and late.later_zero == 1 and late.fails_at == (10.0,)
 
 
