@@ -242,8 +242,8 @@ class _MachineRuns:
         except Exception as error:
             outcome, message = failure(error)
             return run.model_copy(update={"outcome": outcome, "message": message})
-        made = trajectory.provenance
-        run = run.model_copy(update={"metrics": metrics, "steps": made.steps, "wall_time": made.wall_time})
+        cost = {"steps": trajectory.provenance.steps, "wall_time": trajectory.provenance.wall_time}
+        run = run.model_copy(update={"metrics": metrics, **cost})
         run = run.model_copy(update={"metrics": judge(run, self.machine, self._peaks)})
         if run.broken:
             diagnosis = self._diagnosed(run, trajectory, engine)

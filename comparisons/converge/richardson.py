@@ -13,10 +13,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ...models.arrays import FloatArray
+from ..runs.runner import TAIL, TAIL_STEPS
 
 ASYMPTOTIC = 0.1
 """How far an observed order may lie from a whole number: the bar the suite states for orders themselves."""
 _LOWEST, _HIGHEST = 0.1, 8.0  # orders that are looked for
+_NEAR, _CANDIDATES = 0.03, 6001  # range of the fitting step about the one asked for, relative; steps tried in it
 
 
 @dataclass(frozen=True)
@@ -120,3 +122,21 @@ def _extrapolated(triple: tuple[Level, Level, Level]) -> Extrapolated | None:
         torques=np.tensordot(two, np.stack([level.torques for level in triple[1:]]), 1),
         position_three=np.tensordot(three, np.stack([coarse, middle, fine]), 1),
     )
+
+
+def fitting(step: float, end: float, events: Sequence[float]) -> float:
+    """The step near the one asked for of which whole numbers come nearest to filling what remains after each event.
+
+    Engines fit a whole number of equal steps between an event and the end, and so shorten them by up to one part in
+    that number. Unequal shortening would spoil the ratio of the steps, on which Richardson's extrapolation rests.
+
+    Args:
+        step: asked for [s].
+        end: of the compared motion [s].
+        events: times of the reference's releases [s].
+    """
+    candidates = step * np.linspace(1.0 - _NEAR, 1.0 + _NEAR, _CANDIDATES)
+    durations = end + np.maximum(TAIL, TAIL_STEPS * candidates)
+    left = [(durations - start) / candidates for start in (0.0, *events)]
+    shortened = np.max([(np.ceil(n - 1e-9) - n) / n for n in left], axis=0)
+    return float(candidates[int(np.argmin(shortened))])

@@ -22,8 +22,7 @@ from .floor import Site, floor
 from .parameters import swept_parameters
 from .results import Curve, Floor, Limit, LimitPair, MachineStudies, Point, PowerLaw, QuantityName, Studies
 from .results import Study as ParameterStudy
-from .richardson import Extrapolated, Level, largest, limit
-from .steps import fitting
+from .richardson import Extrapolated, Level, fitting, largest, limit
 
 _QUANTITIES: tuple[QuantityName, ...] = ("position", "torque")
 

@@ -94,10 +94,10 @@ def _launch(c: Comparison) -> Iterator[Metric]:
     expected = c.solution.launch
     if expected is None or expected.time > c.end or "projectile" not in c.trajectory.markers:
         return
-    found = c.trajectory.launch()
-    note = None if found else "the engine's projectile does not come to the launch angle"
-    time = None if found is None else found.time - expected.time
-    speed = None if found is None else found.speed - expected.speed
+    launch = c.trajectory.launch()
+    note = None if launch else "the engine's projectile does not come to the launch angle"
+    time = None if launch is None else launch.time - expected.time
+    speed = None if launch is None else launch.speed - expected.speed
     yield Metric(name="launch_time", value=time, unit="s", note=note)
     yield Metric(name="launch_speed", value=speed, unit="m/s", note=note)
 

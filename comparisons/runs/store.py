@@ -57,13 +57,13 @@ class Store:
             trajectory = self.load(model, label)
         except InputError:
             return None
-        made = trajectory.provenance
+        origin = trajectory.provenance
         same = (
-            made.mechanism_hash == problem.mechanism.content_hash
-            and dict(made.settings) == dict(settings)
-            and made.engine_version == version
-            and made.duration == problem.duration
-            and made.stop_law == problem.stop_law.value
+            origin.mechanism_hash == problem.mechanism.content_hash
+            and dict(origin.settings) == dict(settings)
+            and origin.engine_version == version
+            and origin.duration == problem.duration
+            and origin.stop_law == problem.stop_law.value
         )
         return trajectory if same else None
 

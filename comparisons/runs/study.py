@@ -73,8 +73,8 @@ class Study:
     @cached_property
     def mechanisms(self) -> tuple[Mechanism, ...]:
         """Each name once."""
-        found = [model(m, self.parameters) if isinstance(m, str) else m for m in self.models]
-        return tuple({mechanism.name: mechanism for mechanism in found}.values())
+        mechanisms = [model(m, self.parameters) if isinstance(m, str) else m for m in self.models]
+        return tuple({mechanism.name: mechanism for mechanism in mechanisms}.values())
 
     @property
     def every_engine(self) -> tuple[str, ...]:
@@ -108,13 +108,13 @@ class Study:
 
 
 def _unique(names: Iterable[Any], what: str) -> tuple[Any, ...]:
-    found = list[Any]()
+    unique = list[Any]()
     for name in names:
-        if name not in found:
-            found.append(name)
-    if not found:
+        if name not in unique:
+            unique.append(name)
+    if not unique:
         raise InputError(f"no {what} was named; at least one is needed.")
-    return tuple(found)
+    return tuple(unique)
 
 
 @dataclass

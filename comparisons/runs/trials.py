@@ -59,10 +59,8 @@ class Trial(Spec):
     @property
     def torque(self) -> float | None:
         """Largest error of any stop's torque at any sample [N m]."""
-        found = [] if self.deviation is None else [
-            value for label, value in self.deviation.metrics.items() if label.startswith("stop_torque_max")
-        ]  # fmt: skip
-        return max(found, default=None)
+        metrics = {} if self.deviation is None else self.deviation.metrics
+        return max((value for label, value in metrics.items() if label.startswith("stop_torque_max")), default=None)
 
 
 class Trials:

@@ -21,8 +21,15 @@ from trebucheck.comparisons.converge.floor import Site, floor, refinements
 from trebucheck.comparisons.converge.parameters import parameter_names, swept_parameters
 from trebucheck.comparisons.converge.report import document
 from trebucheck.comparisons.converge.results import Studies
-from trebucheck.comparisons.converge.richardson import ASYMPTOTIC, Level, largest, limit, observed_order, weights
-from trebucheck.comparisons.converge.steps import fitting
+from trebucheck.comparisons.converge.richardson import (
+    ASYMPTOTIC,
+    Level,
+    fitting,
+    largest,
+    limit,
+    observed_order,
+    weights,
+)
 from trebucheck.comparisons.converge.study import converge
 from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.runs.runner import run_duration
