@@ -165,7 +165,7 @@ def complaints(run: Run) -> list[str]:
 
 
 def diagnosis(run: Run) -> list[str]:
-    """When the run parts from the reference and why, in sentences; none for a run that agrees."""
+    """When the run begins to differ from the reference and why, in sentences; none for a run that agrees."""
     found = run.diagnosis
     if found is None:
         return []
@@ -173,10 +173,10 @@ def diagnosis(run: Run) -> list[str]:
     when = (
         "before any motion"
         if found.parts_at is None
-        else f"at t = {found.parts_at:.6g} s, while {holding} held in the reference"
+        else f"from t = {found.parts_at:.6g} s, while {holding} held in the reference"
     )
     likely = "; ".join(_suspicion(cause) for cause in found.causes[:3]) or "no suspect accounts for it"
-    return [f"parts from the reference {when}; {found.leads} leads. Likeliest: {likely}."]
+    return [f"differs from the reference {when}, first in {found.leads}. Likeliest: {likely}."]
 
 
 def _suspicion(cause: Cause) -> str:

@@ -14,7 +14,6 @@ from ..report.document import (
     Cell,
     Document,
     Figure,
-    Heading,
     Note,
     Row,
     Table,
@@ -30,6 +29,12 @@ from . import plots
 
 _Row = tuple[str, str]
 
+_MACHINE = "At equal intervals of time up to the release, the later the darker."
+_FORCES = (
+    "Up to the release; shaded where a member is in compression or wheels would lift off, dotted lines where a stop is "
+    "released."
+)
+
 
 def document(performance: Performance, throw: Throw) -> Document:
     """All values, warnings and pictures; `throw` is the performance's own, with sensitivities if wanted."""
@@ -43,28 +48,10 @@ def document(performance: Performance, throw: Throw) -> Document:
         Note(measured),
         *(page_only(Text(sentence(warning), "warning")) for warning in throw.warnings),
         values,
-        Heading("The machine", 2),
-        Figure(
-            plots.machine_figure(performance),
-            caption="At equal intervals of time up to the release, the later the darker.",
-        ),
-        Heading("The flight", 2),
-        Figure(plots.flight_figure(performance)),
-        Heading("Forces", 2),
-        Figure(
-            plots.force_figure(performance),
-            caption="Up to the release; shaded where a member is in compression or wheels would lift off, dotted lines "
-            "where a stop is released.",
-        ),
-        *(
-            (
-                Heading("Sensitivities", 2),
-                Note("Exact derivatives, event times included."),
-                _sensitivities(throw.sensitivities),
-            )
-            if throw.sensitivities
-            else ()
-        ),
+        Figure(plots.machine_figure(performance), "The machine", _MACHINE),
+        Figure(plots.flight_figure(performance), "The flight"),
+        Figure(plots.force_figure(performance), "Forces", _FORCES),
+        _sensitivities(throw.sensitivities),
         Note(f"trebucheck {__version__}."),
         mechanism_as_data(throw.mechanism.name, throw.mechanism),
         *(terminal_only(Text(f"{warning}.", "warning", lead="warning:")) for warning in throw.warnings),
@@ -88,10 +75,8 @@ def origin_name(mechanism: Mechanism) -> str:
 
 def _rows(throw: Throw) -> Iterator[Row]:
     """All values in groups, each under its title."""
-    air = throw.air
-    drag = (
-        f"density {air.density:g} kg/m³, drag area {air.drag_area:g} m²" if air.density * air.drag_area else "no drag"
-    )
+    density, area = throw.air.density, throw.air.drag_area
+    drag = f"density {density:g} kg/m³, drag area {area:g} m²" if density * area else "no drag"
     groups = (
         (f"Release ({throw.released})", _launch_rows(throw.launch)),
         ("Stops", _stop_rows(throw)),
@@ -182,7 +167,7 @@ def _force_at(force: float, time: float) -> str:
 
 def _sensitivities(sensitivities: tuple[Sensitivity, ...]) -> Table:
     heads = "by | value | speed [m/s per unit] | range [m per unit] | speed [m/s per %] | range [m per %]"
-    caption = "Sensitivities of the launch at 45 deg, flight without drag"
+    caption = "Sensitivities of the launch at 45 deg, flight without drag: exact derivatives, event times included"
     return table(heads, map(_sensitivity_row, sensitivities), caption)
 
 
