@@ -1,4 +1,4 @@
-"""What can go wrong, as the user is told it."""
+"""The errors that this package raises; each text is one sentence for the user."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files appear whole or not at all."""
+"""Atomic writing of files: they appear whole or not at all."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def refuse_unwritable(folder: str | Path) -> None:
-    """Say now, before long work, that a folder cannot be written to; nothing is left behind.
+    """Raise InputError now, before long work, if a folder cannot be written to; nothing is left behind.
 
     Raises:
         InputError: the folder, or the nearest one above it that exists, is no folder or not writable.

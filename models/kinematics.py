@@ -1,4 +1,4 @@
-r"""Where points of a mechanism are, as complex numbers z = x + i y.
+r"""Kinematics of a mechanism's points, as complex numbers z = x + i y.
 
 With absolute angles every point of a tree of pinned bodies is a plain sum,
 
@@ -186,7 +186,7 @@ class Kinematics:
             row[self._index(stop.body)] = stop.sense
             if stop.relative_to != GROUND:
                 row[self._index(stop.relative_to)] = -stop.sense
-            row.flags.writeable = False  # everybody gets the same one
+            row.flags.writeable = False  # shared by all callers
             gaps[stop.name] = AngleGap(-stop.limit, row)
         for stop in self.mechanism.point_stops:
             at, normal = self.point(stop.body, stop.point), complex(*stop.normal).conjugate()

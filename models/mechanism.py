@@ -77,7 +77,7 @@ class Stop(Spec):
     effort: ClassVar[Literal["torque", "force"]] = "torque"
     """What it pushes with."""
     position_field: ClassVar[Literal["limit", "offset"]] = "limit"
-    """Name of the field that says where it stands."""
+    """Name of the field that holds its position."""
 
     name: Name
     body: Name
@@ -96,14 +96,14 @@ class Stop(Spec):
 
     @property
     def position(self) -> float:
-        """Where it stands: its limit [rad]."""
+        """Its limit [rad]."""
         return self.limit
 
     def component(self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]) -> float:
         """The component of a motion along the gap, which is linear in it.
 
         Of angles and places it is gap + position, of velocities the gap's speed, of accelerations the gap's
-        acceleration; so whoever can tell how bodies turn and points move can tell the gap of any stop.
+        acceleration; so the gap of any stop follows from how bodies turn and points move, in whatever coordinates.
 
         Args:
             angle: of a body other than the ground, positive clockwise [rad], or its derivative.
@@ -126,7 +126,7 @@ class PointStop(Spec):
     effort: ClassVar[Literal["torque", "force"]] = "force"
     """What it pushes with."""
     position_field: ClassVar[Literal["limit", "offset"]] = "offset"
-    """Name of the field that says where it stands."""
+    """Name of the field that holds its position."""
 
     name: Name
     body: Name
@@ -151,7 +151,7 @@ class PointStop(Spec):
 
     @property
     def position(self) -> float:
-        """Where it stands: its offset [m]."""
+        """Its offset [m]."""
         return self.offset
 
     def component(self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]) -> float:
@@ -214,7 +214,7 @@ class Mechanism(Spec):
 
     @property
     def tree_joints(self) -> tuple[PinJoint | SlotJoint, ...]:
-        """The joint each body hangs on, in the order of the bodies."""
+        """Each body's joint in the tree, to its parent, in the order of the bodies."""
         first = {joint.child: joint for joint in reversed(self.joints)}
         return tuple(first[body.name] for body in self.bodies)
 
@@ -249,7 +249,7 @@ class Mechanism(Spec):
         return next(stop for stop in self.stops if stop.name == name)
 
     def thrown_mass(self, marker: Marker) -> float | None:
-        """Mass that leaves at a marker [kg]: its own, or its body's if that is a point mass there; None: not known."""
+        """Mass thrown at a marker [kg]: its own, or its body's if that is a point mass there; None: not known."""
         body = self.body(marker.body) if marker.body != GROUND else None
         if marker.mass is not None or body is None:
             return marker.mass
@@ -271,11 +271,11 @@ class Mechanism(Spec):
         return tuple(stop for stop in self.stops if isinstance(stop, PointStop))
 
     def children(self, name: str) -> tuple[Body, ...]:
-        """Bodies that hang on this one (or on the ground) in the tree."""
+        """Children of a body (or of the ground) in the tree."""
         return tuple(self.body(joint.child) for joint in self.tree_joints if joint.parent == name)
 
     def subtree(self, name: str) -> Iterator[Body]:
-        """A body and all that hangs on it."""
+        """A body and all its descendants in the tree."""
         yield self.body(name)
         for child in self.children(name):
             yield from self.subtree(child.name)

@@ -1,4 +1,4 @@
-"""What is to be simulated: a mechanism, for how long, under which law of its stops."""
+"""A problem to simulate: a mechanism, a duration and the law of its stops."""
 
 from __future__ import annotations
 

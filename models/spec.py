@@ -35,7 +35,7 @@ _TAGS = ("pin", "pin-in-slot", "stop", "point stop")  # of unions: pydantic puts
 
 
 class SpecError(InputError):
-    """A description that cannot be built; keeps the complaints apart, so that an outer one can name their place."""
+    """A description that cannot be built; keeps its complaints as a list, so that an outer one can name their place."""
 
     def __init__(self, subject: str, complaints: list[tuple[str, str]]) -> None:
         self.subject, self.complaints = subject, complaints

@@ -1,4 +1,4 @@
-"""What every engine returns: the motion at its own times, and what it cost."""
+"""The result of every engine: the motion at its own times, and its cost."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Provenance:
 class Trajectory:
     """States, forces and energies at an engine's own sample times.
 
-    What an engine cannot observe is absent from the mappings (and asking for it says so); it is never zeros.
+    What an engine cannot observe is absent from the mappings, never zeros; the methods then raise an error.
     Points, torques, reactions and energies come from the engine's own quantities, not from q by our formulas,
     wherever the engine has them.
     """
@@ -79,7 +79,7 @@ class Trajectory:
     """Force on the child, world frame [N], each of shape (n, 2)."""
     provenance: Provenance
     joint_gaps: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
-    """How far the two points of a joint stand apart [m], shape (n,); only where the engine lets them."""
+    """Constraint drift: distance of the two points of a joint [m], shape (n,); only of engines that have it."""
     impacts: tuple[tuple[float, Mapping[str, float]], ...] = ()
     """Time [s] and impulses by stop [N m s] of every impact the engine resolves as one; a soft stop has none."""
 

@@ -51,7 +51,7 @@ class WithJoint(Equations):
 def solve_scheduled(
     problem: Problem, releases: Mapping[str, float | None], equations: Equations | None = None
 ) -> Solution:
-    """Integrate with each closed stop held until its given time.
+    """Integrate with each closed stop active until its given time.
 
     Args:
         problem: its law of the stops does not matter here: they open at the given times, and none closes.
@@ -67,15 +67,15 @@ def solve_scheduled(
         if name not in names:
             raise InputError(f"releases names the stop {name!r}; there are: {', '.join(names)}.")
     own = equations or Equations(problem.mechanism)
-    held = {s.name: releases.get(s.name, 0.0) for s in problem.mechanism.stops if s.closed}
+    schedule = {s.name: releases.get(s.name, 0.0) for s in problem.mechanism.stops if s.closed}
     started = time.perf_counter()
     start = np.array(problem.mechanism.start)
     y = np.concatenate([start, problem.mechanism.start_speeds or np.zeros_like(start)])
-    times = sorted({t for t in held.values() if t is not None and 0 < t < problem.duration} | {problem.duration})
+    times = sorted({t for t in schedule.values() if t is not None and 0 < t < problem.duration} | {problem.duration})
     segments: list[Segment] = []
     now = 0.0
     for end in times:
-        closed = tuple(name for name, t in held.items() if t is None or t > now)
+        closed = tuple(name for name, t in schedule.items() if t is None or t > now)
         segment, _, stepper = integrate_segment(own, closed, now, y, end, (TOLERANCE, TOLERANCE))
         segments.append(segment)
         now, y = end, stepper.y
@@ -83,7 +83,7 @@ def solve_scheduled(
         problem=problem,
         equations=own,
         segments=tuple(segments),
-        release_times={name: held.get(name) for name in names},
+        release_times={name: schedule.get(name) for name in names},
         impacts=(),
         evaluations=0,
         settings={"rtol": TOLERANCE, "atol": TOLERANCE},

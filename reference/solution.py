@@ -23,7 +23,7 @@ _LAUNCH_SCAN = 2e-3  # [s] the velocity's direction is scanned at this interval 
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of motion under one active set of stops."""
+    """The motion between two events, under one active set of stops."""
 
     closed: tuple[str, ...]
     start: float
@@ -57,7 +57,7 @@ class Solution:
     wall_time: float
 
     def motion(self, t: FloatArray) -> Motion:
-        """Everything at times t [s], shape (n,); at an event, what holds from there on.
+        """Everything at times t [s], shape (n,); at an event, the state after it.
 
         Raises:
             InputError: a time lies outside the solution.
@@ -83,7 +83,7 @@ class Solution:
         return Motion(q, u, a, loops, torques)
 
     def joint_reactions(self, motion: Motion) -> dict[str, FloatArray]:
-        """Force on each joint's child, world frame [N], shape (n, 2), by Newton's law for what hangs on it."""
+        """Force on each joint's child, world frame [N], shape (n, 2), by Newton's law for its subtree."""
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
         weight = np.array([0.0, mechanism.gravity])
         needed: dict[str, FloatArray] = {}

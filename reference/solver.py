@@ -22,7 +22,7 @@ _MAX_EVENTS = 10_000
 _LAUNCH_SPANS = (2.0, 5.5)  # characteristic times; Table I launches at 1.5
 
 TOLERANCE = 3e-14
-"""Just above the least SciPy takes (100 machine epsilons): energy then holds to some 1e-13 between the steps, too."""
+"""Just above the least SciPy takes (100 machine epsilons): energy then varies by some 1e-13, between the steps, too."""
 
 
 def solve(problem: Problem, rtol: float = TOLERANCE, atol: float = TOLERANCE) -> Solution:

@@ -1,7 +1,7 @@
-"""How far each of the reference's figures is known: the published certificates, and what follows from them.
+"""The uncertainty of each of the reference's quantities: the published certificates, and what follows from them.
 
 A certificate is committed for each named machine (`certificates/`, made by `trebucheck certify`); for any other an
-estimate costs one more, coarser, integration. Both say which tolerances the reference can judge at all.
+estimate costs one more, coarser, integration. Both decide which tolerances can be checked against the reference.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _COARSE = 1e-12  # tolerance of the estimate's second integration: some thirty t
 _SAMPLES = 60
 _SAFETY = 4.0
 _PROJECTILE = "projectile"
-_ROUNDING = 64 * float(np.finfo(np.float64).eps)  # of the sums behind a figure, relative to the largest of its kind
+_ROUNDING = 64 * float(np.finfo(np.float64).eps)  # of the sums behind a value, relative to the largest of its kind
 
 
 class Computation(Spec):
@@ -128,10 +128,10 @@ def load_certificate(mechanism: Mechanism) -> Certificate | None:
 
 
 def reference_uncertainty(solution: Solution, end: float | None = None) -> Uncertainties:
-    """What is known of the reference's error: from the certificate if there is one, else estimated.
+    """Uncertainty of the reference: from the certificate if there is one, else estimated.
 
     Args:
-        end: end of the compared motion [s]; a certificate speaks for times up to the launch only.
+        end: end of the compared motion [s]; a certificate covers times up to the launch only.
     """
     certificate = load_certificate(solution.problem.mechanism)
     launch = solution.launch
@@ -150,7 +150,7 @@ def certified(certificate: Certificate) -> Uncertainties:
         value = figure.uncertainty / relative if relative else 0.0
         # x and y together: their uncertainties add at most as a sum does.
         value *= math.sqrt(2) if metric == "position_max" else 1.0
-        # Of positions the projectile's are certified; it hangs on all the rest, so they stand for every marker's.
+        # Only the projectile's positions are certified; it is last in the chain, so they bound every marker's.
         keys = (metric,) if metric == "position_max" else (metric, f"{metric} ({figure.subject})")
         for key in keys:
             found[key] = max(found[key], value)
@@ -219,15 +219,15 @@ def _events(fine: Solution, coarse: Solution, end: float) -> dict[str, float]:
     pairs = [(time, coarse.release_times[name]) for name, time in fine.release_times.items()]
     if fine.launch is not None and coarse.launch is not None:
         pairs.append((fine.launch.time, coarse.launch.time))
-    apart = [abs(a - b) for a, b in pairs if a is not None and b is not None and a <= end]
-    if not apart:
+    differences = [abs(a - b) for a, b in pairs if a is not None and b is not None and a <= end]
+    if not differences:
         return {}
-    value = _SAFETY * max(apart) + _ROUNDING * end
+    value = _SAFETY * max(differences) + _ROUNDING * end
     return dict.fromkeys(("release_time", "launch_time"), value)
 
 
 def refusal(metric: str, subject: str | None, tolerance: float, uncertainty: float | None) -> str | None:
-    """Why a tolerance cannot be judged against this reference; None where it can.
+    """Why a tolerance cannot be checked against this reference; None where it can.
 
     Args:
         tolerance, uncertainty: in the metric's unit; an unknown uncertainty (None) refuses nothing.

@@ -1,4 +1,4 @@
-"""Certification: the same figures from independent computations, and what their scatter says.
+"""Certification: the same quantities from independent computations, and the uncertainty from their scatter.
 
 The uncertainty of a figure is
 
@@ -51,7 +51,7 @@ RULE = (
     "of the independent v_i; v_k: coarser rungs; the last two terms the largest over all figures of the kind"
 )
 PAPER_MACHINES = ("fixed", "rolling")
-_SEARCH = (4.0, 10.0)  # [s] the launch is looked for up to these
+_SEARCH = (4.0, 10.0)  # [s] the launch is searched up to these
 _MARGIN = 0.02  # [s] past the last instant that is read
 _SAFETY = 3.0
 _ORDER = 7 / 8  # DOP853: error per step ~ h^8 held at the tolerance, so the whole ~ h^7 goes with tolerance^(7/8)
@@ -112,7 +112,7 @@ class _Task:
     computation: Computation
     compute: Callable[[], Values]
     optional: bool = False
-    """Whether a certificate can do without it."""
+    """Whether a certificate may lack it."""
 
 
 def certify(
@@ -161,7 +161,7 @@ def certify(
 def _make(task: _Task, found: dict[str, Values], absent: list[str]) -> None:
     try:
         found[task.computation.name] = task.compute()
-    except Exception as error:  # an optional library may raise anything; the certificate says so and goes on
+    except Exception as error:  # an optional library may raise anything; the certificate records it
         if not task.optional:
             raise
         absent.append(f"{task.computation.name}: failed with {type(error).__name__}: {error}")
@@ -209,12 +209,12 @@ def _uncertainty(
     moved: Mapping[tuple[str, str], float],
     scale: Mapping[tuple[str, str], float],
 ) -> float:
-    apart = max(abs(values[name] - best) for name in independent if name in values)
-    return _SAFETY * (apart + moved[_kind(key)]) + _ROUNDINGS * _EPS * scale[_kind(key)]
+    difference = max(abs(values[name] - best) for name in independent if name in values)
+    return _SAFETY * (difference + moved[_kind(key)]) + _ROUNDINGS * _EPS * scale[_kind(key)]
 
 
 def _kind(key: Key) -> tuple[str, str]:
-    """Figures that are judged alike: x and y of a position are one kind."""
+    """Quantities with one uncertainty rule: x and y of a position are one kind."""
     return ("position" if key.name.startswith("position") else key.name, key.unit)
 
 

@@ -16,7 +16,7 @@ from ...models.mechanism import Mechanism
 
 PROJECTILE, COUNTERWEIGHT = "projectile", "counterweight"
 GRID = 0.1  # [s] positions are certified at multiples of this
-BEYOND_LAUNCH = 0.1  # [s] the best release and the largest energy ratio are looked for up to here
+BEYOND_LAUNCH = 0.1  # [s] the best release and the largest energy ratio are searched up to here
 _SCAN = 1e-3  # [s] for a maximum, before its derivative's root is found
 
 PointState = tuple[FloatArray, FloatArray, FloatArray]
@@ -65,7 +65,7 @@ class Key(NamedTuple):
 
 @dataclass(frozen=True)
 class Plan:
-    """Which quantities a machine has: decided once, so that every computation is asked the same."""
+    """Which quantities a machine has: decided once, so that every computation yields the same ones."""
 
     mechanism: Mechanism
     releases: tuple[str, ...]
@@ -82,7 +82,7 @@ def plan(mechanism: Mechanism, motion: Motion, end: float) -> Plan:
         end: of the certified motion, the launch or the duration [s].
     """
     times = {name: time for name, time in motion.release_times.items() if time is not None and time <= end}
-    # Rounded to milliseconds: an instant must be a number that everybody shares.
+    # Rounded to milliseconds: all computations must use the same number.
     halfway = {name: max(round(time / 2, 3), 1e-3) for name, time in times.items() if time > 4e-3}
     grid = tuple(round(i * GRID, 1) for i in range(1, int(end / GRID) + 1))
     return Plan(mechanism, tuple(times), halfway, grid, motion.launch is not None)

@@ -24,7 +24,7 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.errors import UnsupportedProblemError
 from ...models.launch import Launch
-from ...models.mechanism import GROUND, Body, Mechanism, PinJoint, PointStop, SlotJoint, Stop
+from ...models.mechanism import GROUND, Body, Mechanism, PinJoint, SlotJoint, Stop
 from ...models.problem import Problem, StopLaw
 from ...models.spec import Vector
 from .constrained import ConstrainedMotion, integrate
@@ -58,6 +58,7 @@ class RedundantSystem:
         self._mass = np.diag(np.ravel(masses))
         self._weight = np.ravel([(0.0, -body.mass * mechanism.gravity, 0.0) for body in mechanism.bodies])
         self._gather_joints()
+        self._point_stops = {stop.name: stop for stop in mechanism.point_stops}
         self._angle_rows = {stop.name: self._angle_row(stop) for stop in mechanism.angle_stops}
         self.stops = tuple(stop.name for stop in mechanism.stops if stop.closed)
 
@@ -203,9 +204,9 @@ class RedundantSystem:
 
     def _stop_row(self, x: FloatArray, name: str) -> FloatArray:
         """Gradient of a stop's gap, shape (3 n_bodies,)."""
-        stop = self.mechanism.stop(name)
-        if not isinstance(stop, PointStop):
+        if name in self._angle_rows:
             return self._angle_rows[name]
+        stop = self._point_stops[name]
         row = np.zeros(self.n)
         if stop.body != GROUND:
             i = 3 * self._index[stop.body]
@@ -215,8 +216,8 @@ class RedundantSystem:
 
     def _inward(self, x: FloatArray, v: FloatArray, name: str) -> float:
         """Minus gamma of a stop: the centripetal acceleration of its point towards where it may be."""
-        stop = self.mechanism.stop(name)
-        if not isinstance(stop, PointStop) or stop.body == GROUND:
+        stop = self._point_stops.get(name)
+        if stop is None or stop.body == GROUND:
             return 0.0
         i = 3 * self._index[stop.body]
         arm, _ = self._arm(x[i + 2], self.mechanism.body(stop.body), stop.point)

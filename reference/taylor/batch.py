@@ -55,7 +55,7 @@ def launch_batch(
 
     Args:
         mechanisms: alike but for their numbers: same coordinates, stops and projectile.
-        duration: the launch is looked for up to here [s].
+        duration: the launch is searched up to here [s].
         tolerance: relative local error.
 
     Raises:
@@ -185,7 +185,7 @@ class _Lanes:
         )
 
     def _load(self, lane: int) -> None:
-        """Give a lane the next machine; without one it runs on unheeded."""
+        """Give a lane the next machine; without one its results are ignored."""
         i = next(self.waiting, -1)
         self.machine[lane] = i
         self.state[:-1, lane] = self.machines.states[:, i]
@@ -224,7 +224,7 @@ class _Lanes:
         self._look_for_launch(lane)
 
     def _is_launch(self, lane: int) -> bool:
-        """Note a launch; the opposite direction is none, nor is a start from rest."""
+        """Record a launch, if it is one: not the opposite direction, nor a start from rest."""
         i, time, state = self.machine[lane], float(self.integrator.time[lane]), self.state[:-1, lane].copy()
         velocity = self.machines.velocity(i, state)
         if not is_launch(time, velocity):

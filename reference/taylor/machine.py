@@ -46,7 +46,7 @@ class Structure:
     present: tuple[bool, ...]
     """Which of the numbers are runtime parameters, the others being zero."""
     throws: bool
-    """Whether there is a projectile, whose launch can be looked for."""
+    """Whether there is a projectile, whose launch can be located."""
 
     @property
     def n_q(self) -> int:
@@ -60,7 +60,7 @@ class Structure:
 
     @property
     def n_stops(self) -> int:
-        """Number of stops that may ever hold."""
+        """Number of stops that may ever be active."""
         return len(self.gap_rows)
 
     @property
@@ -90,12 +90,12 @@ class Structure:
 
     @property
     def watched(self) -> slice:
-        """Parameters that say whether a stop's closing is looked for."""
+        """Parameters that say whether a stop's closing is an event."""
         return slice(self.active.stop, self.active.stop + self.closes * self.n_stops)
 
     @property
     def launch(self) -> int:
-        """The parameter that says whether the launch is looked for."""
+        """The parameter that says whether the launch is an event."""
         return int(self.watched.stop)
 
     @property
@@ -111,7 +111,7 @@ def is_launch(time: float | np.floating[Any], velocity: Real) -> bool:
 
 
 def relevant_stops(problem: Problem) -> tuple[str, ...]:
-    """Stops that may ever hold: under release-once, an open one never closes."""
+    """Stops that may ever be active: under release-once, an open one never closes."""
     unilateral = problem.stop_law is StopLaw.UNILATERAL
     return tuple(stop.name for stop in problem.mechanism.stops if stop.closed or unilateral)
 

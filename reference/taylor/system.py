@@ -81,7 +81,7 @@ class TaylorSystem:
 
     @cached_property
     def events(self) -> list[Any]:
-        """Falls through zero at an event: one for each stop (1 where nothing is looked for), then the launch."""
+        """Falls through zero at an event: one for each stop (1 where it has no event), then the launch."""
         functions: list[Any] = []
         for k, torque in enumerate(self.torques):
             active = self._par(self.structure.active.start + k)

@@ -63,7 +63,7 @@ class SupportForce(Spec):
 
 @dataclass(frozen=True)
 class Member:
-    """A body whose axial force is asked for."""
+    """A body whose axial force is computed."""
 
     body: Body
     joint: PinJoint | SlotJoint
@@ -71,7 +71,7 @@ class Member:
 
 
 def members(mechanism: Mechanism) -> tuple[Member, ...]:
-    """Massless rods, and whatever else hangs on another body; a centre on its joint has no axis and is left out."""
+    """Massless rods and other bodies whose parent is not the ground; a centre on its joint defines no axis."""
     found: list[Member] = []
     for body, joint in zip(mechanism.bodies, mechanism.tree_joints, strict=True):
         if body.centre != joint.child_point and (body.inertia == 0 or joint.parent != GROUND):

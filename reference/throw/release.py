@@ -1,4 +1,4 @@
-"""When the projectile is let go: at a time, at an angle, or when it flies farthest."""
+"""The release of the projectile: at a time, at an angle, or for the longest range."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Projectile:
     def sweep(self) -> tuple[float, float]:
         """From the opening of its rest to where its velocity, having turned over, first points straight down [s].
 
-        What comes after the first sweep is chaotic: no figure to build on.
+        The motion after the first sweep is chaotic, so no result relies on it.
         """
         turned = self.solution.launch_at(_DOWN, self.name)
         return self.opened, self.end if turned is None else turned.time
@@ -90,7 +90,7 @@ class Projectile:
         return None if parent == GROUND else parent
 
     def sling_angle(self, t: FloatArray) -> FloatArray:
-        """Angle of its body from the body that one hangs on (phi - theta) [rad], shape (n,).
+        """Angle of its body relative to that body's parent (phi - theta) [rad], shape (n,).
 
         Raises:
             InputError: it is part of a body that hangs on the ground, so there is no such angle.
@@ -104,7 +104,7 @@ class Projectile:
         return q[:, names.index(self.body.name)] - q[:, names.index(self.arm)]
 
     def release_at(self, time: float) -> Release:
-        """Let go at a time [s].
+        """Release at a time [s].
 
         Raises:
             InputError: the time lies outside the motion.
@@ -116,7 +116,7 @@ class Projectile:
         return Release(float(time), *pairs)
 
     def release_at_angle(self, angle: float = LAUNCH_ANGLE) -> Release:
-        """Let go when the velocity first comes down to an angle above the horizontal [rad], its rest having opened.
+        """Release when the velocity first comes down to an angle above the horizontal [rad], its rest having opened.
 
         Raises:
             InputError: it never does.
@@ -130,7 +130,7 @@ class Projectile:
         return self.release_at(launch.time)
 
     def release_at_sling_angle(self, angle: float) -> Release:
-        """Let go when :meth:`sling_angle` first comes to a value [rad], its rest having opened.
+        """Release when :meth:`sling_angle` first comes to a value [rad], its rest having opened.
 
         Raises:
             InputError: it never does, and the sentence gives the angles it takes in its first sweep; or there is no

@@ -27,7 +27,7 @@ from ..solver import solve, solve_to_launch
 from .variational import Direction, VariationalEquations, numbers
 
 TOLERANCE = 1e-13
-"""Local error bound of the tangents: identities then hold to some 1e-10, at half the cost of the solver's own."""
+"""Local error bound of the tangents: identities are then exact to some 1e-10, at half the cost of the solver's own."""
 
 _STEP = 1e-200  # of the complex step: its square is far below the smallest float, so nothing is truncated
 _SAME = 1e-14  # relative: the two formulas may round differently, by a few units in the last place
@@ -45,7 +45,7 @@ class StateTangent:
     du: FloatArray
     """Shape (m, n_q)."""
     closed: tuple[str, ...]
-    """Stops that hold there."""
+    """Stops that are active there."""
     d_release_times: dict[str, FloatArray]
     """Of every stop, shape (m,); NaN where it did not open between the start and t."""
 
@@ -148,7 +148,7 @@ def state_tangent(
 ) -> StateTangent:
     """Derivatives of the state at a fixed time t [s], and of the releases before it, for any mechanism.
 
-    At a release the tangent goes on unchanged: its jump (Aizerman and Gantmakher 1958) is
+    At a release the tangent does not change: its jump (Aizerman and Gantmakher 1958) is
     (f_after - f_before) dt_release, and the torque that ends is zero there, so that f, the state's rate, does not jump.
 
     Args:

@@ -1,4 +1,4 @@
-"""One machine, one throw: all the figures a builder wants, collected."""
+"""One throw of one mechanism: launch, flight, forces and sensitivities, collected."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .members import Interval, MemberForce, SupportForce, carries, member_forces
 from .release import Projectile
 
 FORMAT = "trebucheck-throw-1"
-_SPANS = (3.0, 6.0, 12.0)  # longest motions looked at, in sqrt(reach / gravity); Table I's sweep ends at 2.5
+_SPANS = (3.0, 6.0, 12.0)  # durations of the motions, in characteristic times; Table I's sweep ends at 2.5
 _THROUGH = -1e-9  # [rad] a gap below this is no rounding
 
 
@@ -121,7 +121,7 @@ def throw(
     body: str | None = None,
     height: float = 0.0,
 ) -> Throw:
-    """Throw with a machine and collect its figures; the velocity at 45 degrees releases if nothing else is asked.
+    """Throw with a machine and collect its figures; the velocity at 45 degrees releases if no other release is given.
 
         >>> import trebucheck as tb
         >>> from trebucheck.reference.throw.throw import throw
@@ -140,7 +140,7 @@ def throw(
         height: of the landing above the fulcrum at the start [m].
 
     Raises:
-        InputError: a value is not valid, two releases are asked for, or the machine never comes to the one asked for.
+        InputError: a value is not valid, two releases are given, or the motion never comes to the one given.
         SimulationError: the integrator's step size collapsed.
     """
     chosen = {"release_angle": release_angle, "release_time": release_time, "sling_angle": sling_angle}
@@ -158,40 +158,43 @@ def perform(
     height: float = 0.0,
 ) -> Performance:
     """As :func:`throw`, with the motion and the flights kept; `release` has its three kinds by name."""
-    asked = _one_release(release, best)
+    chosen = _one_release(release, best)
     placed, air = _placed(mechanism, density, drag_area, body)
-    projectile = _swing(placed, asked.get("release_time"))
+    projectile = _swing(placed, chosen.get("release_time"))
     surroundings = _surroundings(projectile, air, height)
     farthest = projectile.best_release(surroundings)
-    if "best" in asked:
+    if "best" in chosen:
         if farthest is None:
             raise InputError(f"no release of the first sweep comes up to the landing height = {height!r} m.")
-        let_go, words = farthest, "for the longest range"
-    elif "release_time" in asked:
-        let_go, words = projectile.release_at(asked["release_time"]), f"at {asked['release_time']:.9g} s"
-    elif "sling_angle" in asked:
-        degrees = math.degrees(asked["sling_angle"])
-        let_go, words = projectile.release_at_sling_angle(asked["sling_angle"]), f"sling at {degrees:.6g} deg to arm"
+        released, description = farthest, "for the longest range"
+    elif "release_time" in chosen:
+        released, description = projectile.release_at(chosen["release_time"]), f"at {chosen['release_time']:.9g} s"
+    elif "sling_angle" in chosen:
+        degrees = math.degrees(chosen["sling_angle"])
+        released, description = (
+            projectile.release_at_sling_angle(chosen["sling_angle"]),
+            f"sling at {degrees:.6g} deg to arm",
+        )
     else:
-        angle = asked.get("release_angle", LAUNCH_ANGLE)
-        let_go, words = projectile.release_at_angle(angle), f"velocity at {math.degrees(angle):.6g} deg"
-    flight = fly(let_go, surroundings)
+        angle = chosen.get("release_angle", LAUNCH_ANGLE)
+        released, description = projectile.release_at_angle(angle), f"velocity at {math.degrees(angle):.6g} deg"
+    flight = fly(released, surroundings)
     best_flight = None if farthest is None else fly(farthest, surroundings)
-    figures = _figures(projectile, air, height, words, flight, best_flight)
+    figures = _figures(projectile, air, height, description, flight, best_flight)
     return Performance(figures, projectile, surroundings, flight, best_flight)
 
 
 def _one_release(release: dict[str, float | None], best: bool) -> dict[str, float]:
-    asked = {name: value for name, value in release.items() if value is not None}
-    for name, value in asked.items():
+    chosen = {name: value for name, value in release.items() if value is not None}
+    for name, value in chosen.items():
         if not math.isfinite(value) or (name == "release_angle" and abs(value) > math.pi):
             what = f"{value!r} s" if name == "release_time" else f"{math.degrees(value):.6g} deg"
             raise InputError(f"{name} = {what} must be finite{', within half a turn' * (name == 'release_angle')}.")
     if best:
-        asked["best"] = math.nan
-    if len(asked) > 1:
-        raise InputError(f"{' and '.join(asked)} each choose the release; only one of them can.")
-    return asked
+        chosen["best"] = math.nan
+    if len(chosen) > 1:
+        raise InputError(f"{' and '.join(chosen)} each choose the release; only one of them can.")
+    return chosen
 
 
 def _placed(
@@ -213,7 +216,7 @@ def _placed(
 
 
 def _swing(mechanism: Mechanism, release_time: float | None) -> Projectile:
-    """Solved until the projectile's first sweep is over and the release time is past, if they come soon enough."""
+    """The motion until the first sweep is over and the release time is past, or the longest one that is solved."""
     scale = characteristic_time(mechanism)
 
     def complete(solution: Solution) -> bool:
@@ -254,14 +257,16 @@ def _fulcrum(solution: Solution) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def _figures(projectile: Projectile, air: Air, height: float, words: str, flight: Flight, best: Flight | None) -> Throw:
+def _figures(
+    projectile: Projectile, air: Air, height: float, description: str, flight: Flight, best: Flight | None
+) -> Throw:
     solution, until = projectile.solution, flight.release.time
     of_members, of_supports = member_forces(solution, until), support_forces(solution, until)
     start = solution.trajectory(np.zeros(1))
     energy = float(start.total_energy[0])
     return Throw(
         mechanism=solution.problem.mechanism,
-        released=words,
+        released=description,
         air=air,
         gravity=solution.problem.mechanism.gravity,
         height=height,
@@ -324,12 +329,12 @@ def _warnings(of_members: Iterable[MemberForce], of_supports: Iterable[SupportFo
 
 
 def spoken(intervals: Iterable[Interval]) -> str:
-    """Intervals [s] in words."""
+    """Intervals [s] as text."""
     return " and ".join(f"from {start:.5g} to {end:.5g} s" for start, end in intervals)
 
 
 def _passed_stops(solution: Solution, until: float) -> list[str]:
-    """Under the release-once law an arm goes through a stop it comes to: its figures are then another machine's."""
+    """Warnings of stops that the motion passes through, as the release-once law lets it."""
     times = np.linspace(0.0, until, 1500)
     q = solution.motion(times).q
     found: list[str] = []

@@ -205,10 +205,10 @@ class VariationalEquations(Equations):
 
         Args:
             q, u: the start, shape (n_q,).
-            closed: stops that hold from the start on.
+            closed: stops that are active from the start on.
 
         Raises:
-            InputError: a direction would open or penetrate a stop that holds, or tear a loop, at the start.
+            InputError: a direction would open or penetrate an active stop, or open a loop, at the start.
         """
         dq = np.array([tangent.start for tangent in self.tangents])
         du = np.array([tangent.start_speeds for tangent in self.tangents])
