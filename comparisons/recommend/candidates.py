@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 
-from ...engines.registry import engine_class, engine_study
+from ...engines.protocol import Engine
+from ...engines.registry import engine, engine_class, engine_study
 from ...engines.study import OptionSet
 
 RUNGS = 8
@@ -23,6 +24,11 @@ def option_sets(name: str) -> tuple[OptionSet, ...]:
     return engine_study(name).option_sets or tuple(
         OptionSet(preset, f"its preset {preset!r}", preset) for preset in sorted(presets)
     )
+
+
+def configured(name: str, options: OptionSet, step: float) -> Engine:
+    """An engine with the options of a set at a time step [s]."""
+    return engine(name, options.preset, **options.all_options(step))
 
 
 def ladder(characteristic_time: float) -> tuple[float, ...]:

@@ -13,9 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ...engines.registry import engine
 from ...engines.study import OptionSet
 from ..runs.trials import Trial, Trials
+from .candidates import configured
 from .results import Errors
 from .target import Asked, errors_of, largest_torque, unit_of
 
@@ -162,7 +162,7 @@ class Search:
         return panel
 
     def _trial(self, case: int, options: OptionSet, step: float, repeats: int = 1) -> Trial:
-        return self.cases[case].trials.trial(engine(self.engine, options.preset, **options.all_options(step)), repeats)
+        return self.cases[case].trials.trial(configured(self.engine, options, step), repeats)
 
     def _walk(self, sweep: Sweep, panel: list[int]) -> None:
         start = self._guess(sweep, panel)

@@ -12,9 +12,8 @@ from ...models.mjcf.points import felt_from
 from ...models.mjcf.writer import MARGIN, START_KEY, mjcf
 from ..contact_events import refuse_moving_gaps
 from .constraints import UnilateralConstraint, stop_contacts
-from .options import MujocoOptions
+from .options import MujocoOptions, scaled_solref
 from .reference_acceleration import CALLBACK, ReferenceAccelerationCorrection
-from .softness import scaled_solref
 
 mujoco: Any = importlib.import_module("mujoco")  # it carries no types
 

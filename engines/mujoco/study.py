@@ -31,7 +31,7 @@ from ..study import (
     time_step_cause,
     with_readout,
 )
-from .softness import effective_solref
+from .options import effective_solref
 
 MJCF, PYTHON = "MJCF", "MuJoCo in Python"
 _MOVING = "moving points"

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.recommend import Advice, Asked, recommend
-from trebucheck.comparisons.recommend.candidates import option_sets
+from trebucheck.comparisons.recommend.candidates import configured, option_sets
 from trebucheck.comparisons.recommend.search import Case
 from trebucheck.comparisons.recommend.snippets import snippets
 from trebucheck.comparisons.runs.study import Study
@@ -115,7 +115,7 @@ def test_the_mjcf_loads_and_says_what_the_engine_does(label: str) -> None:
     text = mjcf(tb.rolling(), 1e-2)  # of another step, and so of other softness
     pasted = text.replace("</mujoco>", _texts("mujoco", label, tb.rolling(), 2e-3)[MJCF] + "\n</mujoco>")
     model = mujoco.MjModel.from_xml_string(pasted)
-    expected = load(tb.rolling(), _options("mujoco", label).engine("mujoco", 2e-3))
+    expected = load(tb.rolling(), configured("mujoco", _options("mujoco", label), 2e-3))
     for name in ("timestep", "integrator", "solver", "tolerance", "iterations"):
         assert getattr(model.opt, name) == getattr(expected.opt, name), name
     for name in ("jnt_solref", "jnt_solimp", "jnt_margin"):
@@ -138,7 +138,7 @@ def test_the_mujoco_lines_move_the_machine_as_the_engine_does(label: str) -> Non
     for _ in range(400):
         scope["step"](model, data, held)
     assert not held
-    own = _options("mujoco", label).engine("mujoco", step).simulate(tb.Problem(mechanism, duration=2.0))
+    own = configured("mujoco", _options("mujoco", label), step).simulate(tb.Problem(mechanism, duration=2.0))
     place = data.site("projectile").xpos[[0, 2]]
     # The same steps: only the bisection's last bits differ, and the motion is not yet chaotic.
     assert place == pytest.approx(own.marker("projectile").position[-1], abs=1e-9)
@@ -150,7 +150,7 @@ def test_the_pymunk_lines_move_the_machine_as_the_engine_does(label: str) -> Non
     from trebucheck.engines.pymunk.build import build
 
     step, mechanism = 1e-3, tb.fixed()
-    engine: Any = _options("pymunk", label).engine("pymunk", step)
+    engine: Any = configured("pymunk", _options("pymunk", label), step)
     machine = build(mechanism, ("hanger rest", "sling rest"), 0.5, engine.pivot_mass)
     scope: dict[str, Any] = {"space": machine.space}
     exec(_texts("pymunk", label, mechanism, step)[PYMUNK_PYTHON], scope)
@@ -172,7 +172,7 @@ def test_the_exudyn_lines_are_the_engines_settings(label: str) -> None:
     with silence():
         exec(_texts("exudyn", label, mechanism, step)[EXUDYN_PYTHON], scope)
         system = build(mechanism)
-        engine: Any = _options("exudyn", label).engine("exudyn", step)
+        engine: Any = configured("exudyn", _options("exudyn", label), step)
         found = scope["settings"]
         found.timeIntegration.endTime, found.timeIntegration.numberOfSteps = 1.0, 500
         expected = Solver(system, engine)._settings(0.0, 1.0, 500)
@@ -201,7 +201,7 @@ def test_the_exudyn_lines_release_the_stops(label: str) -> None:
         assert system.main.SolveDynamic(scope["settings"])
     assert not scope["held"]
     exact = tb.engine("reference").simulate(tb.Problem(mechanism, duration=2.0))
-    own = _options("exudyn", label).engine("exudyn", step).simulate(tb.Problem(mechanism, duration=2.0))
+    own = configured("exudyn", _options("exudyn", label), step).simulate(tb.Problem(mechanism, duration=2.0))
     position = scope["exu"].OutputVariableType.Position
     pasted = np.array(system.main.GetNodeOutput(system.nodes["sling"], position))[:2]
     expected, found = (motion.marker("projectile").position[-1] for motion in (exact, own))

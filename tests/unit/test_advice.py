@@ -19,7 +19,7 @@ import trebucheck as tb
 from trebucheck.__main__ import main
 from trebucheck.comparisons.recommend import Advice, Asked, obstacles, recommend
 from trebucheck.comparisons.recommend import neighbours as family
-from trebucheck.comparisons.recommend.candidates import RUNGS, ladder, option_sets
+from trebucheck.comparisons.recommend.candidates import RUNGS, configured, ladder, option_sets
 from trebucheck.comparisons.recommend.results import Obstacle
 from trebucheck.comparisons.recommend.search import SCREENED_AT, Case, Search
 from trebucheck.comparisons.recommend.snippets import PYTHON, snippets
@@ -29,8 +29,6 @@ from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Trial, Trials
 from trebucheck.engines.mujoco.study import MJCF
 from trebucheck.engines.mujoco.study import PYTHON as MUJOCO_PYTHON
-from trebucheck.engines.protocol import Engine
-from trebucheck.engines.registry import engine
 from trebucheck.engines.study import OptionSet
 from trebucheck.models.spec import schema_text
 
@@ -39,10 +37,6 @@ STEPS = ladder(1.8)
 
 
 # What is asked
-
-
-def _engine(options: OptionSet, name: str, step: float) -> Engine:
-    return engine(name, options.preset, **options.all_options(step))
 
 
 def test_torque_is_read_as_newton_metres_or_as_a_share() -> None:
@@ -100,10 +94,10 @@ def test_the_ladder_is_of_round_steps_and_follows_the_machines_own_time() -> Non
 def test_every_set_is_valid_at_every_step_and_another_one(name: str) -> None:
     """Each candidate is an engine, and the way back from its text is that engine."""
     sets = option_sets(name)
-    assert _engine(sets[0], name, 1e-3) == tb.engine(name, "stock", timestep=1e-3)
-    assert _engine(sets[-1], name, 1e-3) == tb.engine(name, "tuned", timestep=1e-3)
+    assert configured(name, sets[0], 1e-3) == tb.engine(name, "stock", timestep=1e-3)
+    assert configured(name, sets[-1], 1e-3) == tb.engine(name, "tuned", timestep=1e-3)
     for step in STEPS:
-        made = [json.dumps(_engine(options, name, step).settings) for options in sets]
+        made = [json.dumps(configured(name, options, step).settings) for options in sets]
     assert len(set(made)) == len(sets)  # at the shortest step: what is scaled with it may meet the preset's at another
 
 
@@ -272,7 +266,7 @@ def test_texts_are_what_they_say(name: str) -> None:
                 ast.parse(text)
         scope: dict[str, Any] = {}
         exec(texts[PYTHON], scope)
-        assert scope["engine"] == _engine(options, name, 5e-4)
+        assert scope["engine"] == configured(name, options, 5e-4)
 
 
 @pytest.mark.parametrize("name", ENGINES)
@@ -294,7 +288,7 @@ def test_the_command_gives_the_same_engine(name: str, monkeypatch: pytest.Monkey
         words = shlex.split(command["trebucheck on the command line"])
         assert words[0] == "trebucheck"
         assert main([*words[1:], "--out", str(tmp_path)]) == 2
-        assert made[-1] == _engine(options, name, 5e-4)
+        assert made[-1] == configured(name, options, 5e-4)
 
 
 def test_what_mjcf_cannot_say_is_said() -> None:

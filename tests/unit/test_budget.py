@@ -33,7 +33,7 @@ from trebucheck.comparisons.runs.trials import Trial, Trials
 from trebucheck.comparisons.runs.worker import Worker
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.engines.mujoco.engine import MujocoEngine
-from trebucheck.engines.mujoco.softness import effective_solref
+from trebucheck.engines.mujoco.options import effective_solref
 from trebucheck.engines.protocol import BuiltinEngine, Engine
 from trebucheck.engines.pymunk.engine import PymunkEngine
 from trebucheck.engines.reference.engine import ReferenceEngine
