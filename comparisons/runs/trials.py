@@ -40,13 +40,6 @@ class Trial(Spec):
     steps: Annotated[int, Field(ge=0)] = 0
     wall_times: tuple[Real, ...] = Field(default=(), description="of the whole simulate, warm, one a repeat [s]")
 
-    @property
-    def timestep(self) -> float:
-        """Of the engine [s]."""
-        value = self.settings["timestep"]
-        assert isinstance(value, int | float)
-        return float(value)
-
     def metric(self, label: str) -> float | None:
         """A figure by its label, e.g. 'position_max (projectile)'; None if it has none (or the run failed)."""
         return None if self.deviation is None else self.deviation.metrics.get(label)
