@@ -83,13 +83,11 @@ def _impact_of(placed: Mechanism, active: Contacts, restitution: Mapping[str, fl
     (q, before), after = initial_state(placed), _speeds_after(assembly, increment)
     came, left = (gap_speeds(placed, restitution, q, u) for u in (before, after))
     rounding = _ROUNDING * (1.0 + max(map(abs, came.values()), default=0.0))
-    least = -_ROUNDING * max(impulses.values(), default=0.0)
-    wrong = (
-        name
-        for name in restitution
-        if impulses.get(name, 0.0) < least or left[name] < -restitution[name] * came[name] - rounding
-    )
     total = dict.fromkeys(restitution, 0.0) | impulses
+    least = -_ROUNDING * max(total.values())
+    wrong = (
+        name for name in restitution if total[name] < least or left[name] < -restitution[name] * came[name] - rounding
+    )
     return Impact(after, total, resting(left, rounding), next(wrong, None))
 
 

@@ -123,11 +123,10 @@ class _UnilateralRun:
         return rebounded and event.met in self._parting and event.sample < _SETTLING_SAMPLES
 
     def _without_rebound(self, event: _ContactEvent) -> Mechanism:
-        """The last impact once more, the contact that is met again being plastic."""
+        """The last impact once more, its contacts that touch again being plastic."""
         assert self._last is not None
-        assert event.met is not None
         self.events.retract_impact()
-        return self._after_impact(self._last, self._plastic | {event.met})
+        return self._after_impact(self._last, self._plastic | (set(event.touching) & set(self._last.touching)))
 
     def _accepted(self, segment: Segment, event: _ContactEvent | None) -> list[Recording]:
         """What is recorded of a segment."""

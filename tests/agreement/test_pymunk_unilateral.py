@@ -190,3 +190,16 @@ def test_a_stop_that_could_not_be_held_is_refused_at_the_start() -> None:
     PymunkEngine().simulate(Problem(mechanism, 0.1))
     with pytest.raises(UnsupportedProblemError, match="'bob', whose inertia is 0"):
         PymunkEngine().simulate(Problem(mechanism, 0.1, stop_law=StopLaw.UNILATERAL))
+
+
+def test_a_stop_given_twice_acts_as_once() -> None:
+    """Both touch at the same instant: they take part in each impact and come to rest together."""
+    once = pendulum(0.5, closed=True, speed=2.0)
+    (stop,) = once.stops
+    twice = once.model_copy(update={"stops": (stop, stop.model_copy(update={"name": "twin"}))})
+    single, double = (
+        PymunkEngine(timestep=2e-3).simulate(Problem(mechanism, 1.5, stop_law=StopLaw.UNILATERAL))
+        for mechanism in (once, twice)
+    )
+    assert all(set(impulses) == {"stop", "twin"} for _, impulses in double.impacts)
+    assert double.q[-1] == pytest.approx(single.q[-1], abs=1e-6)
