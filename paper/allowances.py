@@ -115,12 +115,12 @@ def _applied(engine: Engine, metric: str, mechanism: Mechanism, subject: str | N
 
 @dataclass(frozen=True)
 class Allowed:
-    """What an engine's bar allows of the projectile; None where no bar is stated."""
+    """Tolerances of the projectile under an engine; None where none is stated."""
 
     position: float | None
     """[m]"""
     speed: float | None = None
-    """[m/s], a bar of its own"""
+    """[m/s], a tolerance of its own"""
 
 
 def allowed(runner: Engine, mechanism: Mechanism) -> Allowed:
@@ -138,14 +138,14 @@ def turning(projectile: Projectile, time: float) -> float:
     return float(abs(vx * ay - vy * ax) / (vx * vx + vy * vy))
 
 
-def speed_allowance(bars: Allowed, projectile: Projectile, time: float) -> float | None:
+def speed_allowance(tolerances: Allowed, projectile: Projectile, time: float) -> float | None:
     """Of the speed at the launch [m/s]: p w, and what the speed changes while the projectile goes p."""
-    if bars.speed is not None or bars.position is None:
-        return bars.speed
+    if tolerances.speed is not None or tolerances.position is None:
+        return tolerances.speed
     _, velocity, acceleration = (part[0] for part in projectile.states(np.array([time])))
     speed = float(np.linalg.norm(velocity))
     along = abs(float(velocity @ acceleration)) / speed
-    return bars.position * (turning(projectile, time) + along / speed)
+    return tolerances.position * (turning(projectile, time) + along / speed)
 
 
 def attempted(run: Callable[[], _Result]) -> _Result | str:
@@ -178,8 +178,8 @@ def _speed(name: str, run: Trajectory | str, projectile: Projectile, launch: flo
     thrown = run.launch()
     if thrown is None:
         return EngineValue(engine=name, value=None, note="its projectile's velocity never comes down to 45 degrees")
-    bars = allowed(engine(name), run.mechanism)
-    return EngineValue(engine=name, value=thrown.speed, tolerance=speed_allowance(bars, projectile, launch))
+    tolerances = allowed(engine(name), run.mechanism)
+    return EngineValue(engine=name, value=thrown.speed, tolerance=speed_allowance(tolerances, projectile, launch))
 
 
 def _back(name: str, run: Trajectory | str, mechanism: Mechanism, launch: float) -> EngineValue:

@@ -50,14 +50,6 @@ class Evidence:
         """An engine's throws by machine."""
         return {name: each for name, throw in self.throws.items() for each in throw.engines if each.engine == engine}
 
-    def value(self, formula: Formula) -> float:
-        """Of the reference.
-
-        Raises:
-            KeyError: a quantity is missing.
-        """
-        return formula.value(self.ours)
-
 
 def _flat(values: Mapping[str, Readings]) -> Values:
     return {(machine, quantity): value for machine, own in values.items() for quantity, value in own.items()}

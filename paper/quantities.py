@@ -184,18 +184,18 @@ def read(motion: Motion, trajectory: Trajectory) -> Readings:
         motion: the continuous motion.
         trajectory: the same motion at times of its own, a little past the launch at least.
     """
-    found = {
-        certified(key): value for key, value in read_quantities(motion, _plan(trajectory.mechanism, motion)).items()
-    }
+    found = read_certified(motion, trajectory.mechanism)
     for part in (_of_the_launch, _of_the_counterweight, _of_the_best_release, _of_the_arm):
         found |= dict(part(motion, trajectory, found))
     return found | dict(_along(motion, trajectory)) | dict(_shapes(trajectory))
 
 
-def _plan(mechanism: Mechanism, motion: Motion) -> Plan:
+def read_certified(motion: Motion, mechanism: Mechanism) -> Readings:
+    """The quantities that certificates hold, but for those at fixed instants."""
     end = math.inf if motion.launch is None else motion.launch.time
     released = tuple(name for name, time in motion.release_times.items() if time is not None and time <= end)
-    return Plan(mechanism, released, {}, (), motion.launch is not None)
+    plan = Plan(mechanism, released, {}, (), motion.launch is not None)
+    return {certified(key): value for key, value in read_quantities(motion, plan).items()}
 
 
 def _of_the_launch(motion: Motion, trajectory: Trajectory, found: Readings) -> _Found:

@@ -1,4 +1,4 @@
-"""An engine's samples as a continuous motion, so that its figures are read as the reference's own are."""
+"""An engine's samples as a continuous motion, so that its quantities are read as the reference's own are."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _CROWDED = 0.5  # of the median step: samples closer than this (a release inside
 
 
 class SampledMotion:
-    """A trajectory read at any time (:class:`..reference.figures.Motion`).
+    """A trajectory read at any time (a `Motion` of the reference's `quantities`).
 
     Positions, velocities and coordinates are quintic splines through the samples; an acceleration is the derivative
     of the velocity's spline. Torques and energies, which have kinks, are read linearly.

@@ -275,7 +275,7 @@ def _before_the_arm_stop(found: FirstForwardSwing) -> bool:
 
 
 def read_throw(parameters: TrebuchetParameters, found: FirstForwardSwing) -> Throwing:
-    """The figures of a first sweep."""
+    """The values of a first forward swing."""
     solution, p = found.solution, parameters
     until = max(found.best.time, found.fastest)
     path = solution.trajectory(np.linspace(0.0, until, _SAMPLES))

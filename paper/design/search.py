@@ -76,13 +76,13 @@ class Family:
             self._known[key] = first_forward_swing_of(rolling(self.machine(x)))
         return self._known[key]
 
-    def figures(self, x: FloatArray) -> FloatArray:
+    def values(self, x: FloatArray) -> FloatArray:
         """Range [km] and time between the two instants [ms]; for no throw, what a line search turns back from."""
         found = self.sweep(x)
         return _NO_THROW if found is None else np.array([1e-3 * found.range, 1e3 * found.delay(self.reading)])
 
     def slopes(self, x: FloatArray) -> FloatArray:
-        """Derivatives of :meth:`figures` by x, central differences, shape (2, 3).
+        """Derivatives of :meth:`values` by x, central differences, shape (2, 3).
 
         Raises:
             NoThrowError: a machine next to it is none that throws.
@@ -90,7 +90,7 @@ class Family:
         beside = [(x + d, x - d) for d in _STEP * np.eye(len(x))]
         if any(self.sweep(y) is None for pair in beside for y in pair):
             raise NoThrowError
-        columns = [self.figures(after) - self.figures(before) for after, before in beside]
+        columns = [self.values(after) - self.values(before) for after, before in beside]
         return np.array(columns).T / (2 * _STEP)
 
     def starts(self) -> list[FloatArray]:
@@ -142,7 +142,7 @@ class Family:
             NoThrowError: a machine on the way does not throw.
         """
         for _ in range(_DRAWS):
-            delay = self.figures(x)[1]
+            delay = self.values(x)[1]
             if abs(delay) < _DRAWN:
                 break
             slope = self.slopes(x)[1]
@@ -153,7 +153,7 @@ class Family:
     def _in_box(
         self, x: FloatArray, objective: Objective, coincide: bool, box: tuple[FloatArray, FloatArray]
     ) -> tuple[FloatArray, bool]:
-        condition = NonlinearConstraint(lambda x: self.figures(x)[1], 0.0, 0.0, jac=lambda x: self.slopes(x)[1:2])
+        condition = NonlinearConstraint(lambda x: self.values(x)[1], 0.0, 0.0, jac=lambda x: self.slopes(x)[1:2])
         result: Any = minimize(
             lambda x: -objective.value(self, x),
             x,
@@ -234,7 +234,7 @@ class Objective:
     """What one of it is in the unit it is reported in."""
 
 
-RANGE = Objective(lambda family, x: float(family.figures(x)[0]), lambda family, x: family.slopes(x)[0], 1e3)
+RANGE = Objective(lambda family, x: float(family.values(x)[0]), lambda family, x: family.slopes(x)[0], 1e3)
 """The range of the best release [km], reported in m."""
 NEARNESS = Objective(lambda _, x: -float(np.sum((x - 1) ** 2)), lambda _, x: -2 * (x - 1))
 """Minus the sum of the squares of the relative changes of r, h and l1."""

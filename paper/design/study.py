@@ -17,12 +17,12 @@ from ...models.errors import InputError, SimulationError
 from ...models.machines.parameters import TrebuchetParameters
 from ...models.machines.trebuchet import fixed, rolling
 from ...models.mechanism import Mechanism
-from ...models.trajectory import Trajectory
-from ...reference.certification.quantities import BEYOND_LAUNCH, Plan, read_quantities
+from ...reference.certification.quantities import BEYOND_LAUNCH
 from ...reference.solver import solve
 from ...reference.throw.flight import fly, range_rate
 from ...reference.throw.throw import throw
 from ..allowances import TAIL, allowed, simulated, turning
+from ..quantities import BEST_ANGLE, BEST_RANGE, BEST_SPEED, BEST_TIME, FASTEST_TIME, read_certified
 from ..results import EngineValue, Quantity
 from ..sampled import SampledMotion
 from ..sweep.study import ENGINES
@@ -170,53 +170,47 @@ def _refuse_bounds(bounds: Bounds, beam: float) -> None:
         raise InputError(f"l1 = {bounds.l1!r} of the bounds must stay below the arm's length of {beam!r} m.")
 
 
-FIGURES = ("largest_ratio_time", "best_release_time", "best_release_angle", "best_release_speed", "best_range")
+QUANTITIES = {
+    "largest_ratio_time": FASTEST_TIME,
+    "best_release_time": BEST_TIME,
+    "best_release_angle": BEST_ANGLE,
+    "best_release_speed": BEST_SPEED,
+    "best_range": BEST_RANGE,
+}
+"""By their names in the data."""
 _STEP = 1e-4  # [s] for derivatives in time of what changes over hundredths of a second
 
 
 def confirmed(
     engines: Sequence[str], found: FirstForwardSwing, worker: Worker | None
 ) -> dict[str, tuple[EngineValue, ...]]:
-    """Every engine's values of :data:`FIGURES`, in SI units and radians, with their tolerances.
+    """Every engine's values of :data:`QUANTITIES`, in SI units and radians, with their tolerances.
 
     Args:
         engines: names; one that fails or is absent has a note instead of a value.
-        found: the design's first sweep by the reference.
+        found: the design's first forward swing by the reference.
         worker: the process engines run in; None: this one.
     """
     mechanism = found.solution.problem.mechanism
     end = max(found.launch + BEYOND_LAUNCH, found.fastest, found.best.time) + TAIL
-    values: dict[str, list[EngineValue]] = {name: [] for name in FIGURES}
+    values: dict[str, list[EngineValue]] = {name: [] for name in QUANTITIES}
     for name in engines:
         run = simulated(name, mechanism, end, worker)
-        figures_of = {} if isinstance(run, str) else _read(run)
-        bars = tolerances(found, allowed(engine(name), mechanism).position) if figures_of else {}
-        note = run if isinstance(run, str) else None
-        for figure in FIGURES:
-            missing = "its motion has no such instant" if note is None and figure not in figures_of else note
-            value = EngineValue(engine=name, value=figures_of.get(figure), tolerance=bars.get(figure), note=missing)
-            values[figure].append(value)
-    return {figure: tuple(each) for figure, each in values.items()}
-
-
-def _read(run: Trajectory) -> dict[str, float]:
-    motion, mechanism = SampledMotion(run), run.mechanism
-    return {
-        key.name: value
-        for key, value in read_quantities(motion, _plan(mechanism, motion)).items()
-        if key.name in FIGURES
-    }
-
-
-def _plan(mechanism: Mechanism, motion: SampledMotion) -> Plan:
-    return Plan(mechanism, (), {}, (), motion.launch is not None)
+        note = run if isinstance(run, str) else "its motion has no such instant"
+        read = {} if isinstance(run, str) else read_certified(SampledMotion(run), mechanism)
+        allowed_of = tolerances(found, allowed(engine(name), mechanism).position) if read else {}
+        for label, quantity in QUANTITIES.items():
+            value, tolerance = read.get(quantity), allowed_of.get(label)
+            note_of = note if value is None else None
+            values[label].append(EngineValue(engine=name, value=value, tolerance=tolerance, note=note_of))
+    return {label: tuple(each) for label, each in values.items()}
 
 
 def tolerances(found: FirstForwardSwing, position: float | None) -> dict[str, float]:
-    """What an allowance of the projectile's position [m] is for each figure, to first order.
+    """What an allowance of the projectile's position [m] is for each quantity, to first order.
 
     The velocity is allowed w times as much and the acceleration w^2 times, w being the rate at which the velocity
-    turns (see :mod:`.sweep_engines`). Where a figure's instant is a zero of a rate, the instant may move by what the
+    turns (see `paper.allowances`). Where a quantity's instant is a zero of a rate, the instant may move by what the
     rate may, over the rate's own slope.
 
     Args:

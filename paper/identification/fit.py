@@ -1,8 +1,8 @@
 """Start angles from printed figures: least squares, and the set of all that give every printed digit.
 
-A printed figure is uniform over what rounds to it, of standard deviation half width / sqrt(3). Least squares with
+A printed number is uniform over what rounds to it, of standard deviation half width / sqrt(3). Least squares with
 these gives a best point and a covariance. The set of compatible angles, those with no miss beyond one half width, is
-the likelihood's whole support; its ends along each angle are found by linear programs, repeated until the figures
+the likelihood's whole support; its ends along each angle are found by linear programs, repeated until the numbers
 themselves, not their linear pictures, stand at their bounds.
 """
 
@@ -25,7 +25,7 @@ _CONFIDENCE = 0.95
 _STEP = 0.05  # [rad] the largest a linear program may go at once
 _ROUNDS = 40
 _SETTLED = 1e-9  # [rad] a millionth of the narrowest compatible sets met, and 100 times the computation's own error
-_BINDING = 1e-4  # half widths: by how much a figure may be off its bound and still count as what ends the set
+_BINDING = 1e-4  # half widths: by how much a number may be off its bound and still count as what ends the set
 _HARDLY = 1e-6  # share of the largest singular value below which a direction is not determined: differences' noise
 
 
@@ -33,7 +33,7 @@ def fit(headlines: Headlines, start: Start, free: Sequence[str] = ANGLES, *, nam
     """Fit the free angles; the others stay as they are in `start` [rad].
 
     Raises:
-        InputError: the printed figures do not bound the free angles, or a machine does not launch.
+        InputError: the printed numbers do not bound the free angles, or a machine does not launch.
     """
     columns = [ANGLES.index(angle) for angle in free]
     best, slopes, chi_square = _least_squares(headlines, np.array(start, dtype=np.float64), columns)
@@ -65,7 +65,7 @@ def _least_squares(headlines: Headlines, start: FloatArray, columns: list[int]) 
     """Best angles (3,), the Jacobian there in standard deviations per radian, and chi square."""
     fitted = headlines.fitted
     if len(fitted) < len(columns):
-        raise InputError(f"{len(fitted)} fitted figures are too few for {len(columns)} free angles.")
+        raise InputError(f"{len(fitted)} fitted numbers are too few for {len(columns)} free angles.")
 
     def angles(values: FloatArray) -> FloatArray:
         whole = start.copy()
@@ -86,12 +86,12 @@ def _least_squares(headlines: Headlines, start: FloatArray, columns: list[int]) 
 def _covariance(slopes: FloatArray, free: Sequence[str]) -> FloatArray:
     values = np.linalg.svd(slopes, compute_uv=False)
     if values[-1] <= _HARDLY * values[0]:
-        raise InputError(f"the printed figures leave a combination of {' and '.join(free)} open; others are needed.")
+        raise InputError(f"the printed numbers leave a combination of {' and '.join(free)} open; others are needed.")
     return np.asarray(np.linalg.inv(slopes.T @ slopes), dtype=np.float64)
 
 
 def quantities_at(headlines: Headlines, angles: Start) -> tuple[QuantityAt, ...]:
-    """Every printed figure at a start."""
+    """Every printed number at a start."""
     misses = headlines.misses(angles)
     return tuple(
         QuantityAt(name=f.name, computed=float(f.value + m * f.half), miss=float(m))
@@ -144,9 +144,9 @@ def _extents(headlines: Headlines, centre: FloatArray, columns: list[int], slope
 def _end(
     headlines: Headlines, centre: FloatArray, columns: list[int], slopes: FloatArray, towards: FloatArray
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Farthest compatible point in a direction, and the figures that stand at their bounds there.
+    """Farthest compatible point in a direction, and the numbers that stand at their bounds there.
 
-    The slopes stay those of the fit: they only steer, and what the steps settle on solves the figures' own bounds.
+    The slopes stay those of the fit: they only steer, and what the steps settle on solves the numbers' own bounds.
     """
     at = centre.copy()
     for _ in range(_ROUNDS):
@@ -157,7 +157,7 @@ def _end(
             ends = [f.name for f, miss in zip(headlines.printed, misses, strict=True) if miss > 1 - _BINDING]
             return at, tuple(ends)
     names = " and ".join(ANGLES[column] for column in columns)
-    raise InputError(f"the printed figures do not bound {names}; more of them, or ones with more digits, are needed.")
+    raise InputError(f"the printed numbers do not bound {names}; more of them, or ones with more digits, are needed.")
 
 
 def _program(misses: FloatArray, slopes: FloatArray, towards: FloatArray) -> FloatArray:
@@ -185,7 +185,7 @@ def conditioning(slopes: FloatArray, names: Sequence[str]) -> Conditioning:
 
 
 def left_out(headlines: Headlines, at: FloatArray) -> tuple[Left, ...]:
-    """How the compatible set grows when a figure is left out, to first order about a point of it."""
+    """How the compatible set grows when a number is left out, to first order about a point of it."""
     misses, slopes = headlines.misses(at), headlines.jacobian(at)
     whole = _linear_widths(misses, slopes)
     every = np.arange(len(misses))

@@ -58,7 +58,7 @@ class PrintedQuantity(Spec):
 
 
 class QuantityAt(Spec):
-    """A printed figure, computed at some start angles."""
+    """A printed number, computed at some start angles."""
 
     name: str
     computed: Real = Field(description="[its unit]")
@@ -66,7 +66,7 @@ class QuantityAt(Spec):
 
 
 class Sensitivity(Spec):
-    """How a figure moves with the start angles."""
+    """How a number moves with the start angles."""
 
     name: str
     per_radian: Angles = Field(description="[its unit per rad]")
@@ -79,7 +79,7 @@ class Extent(Spec):
     angle: str
     low: Real
     high: Real
-    ends_low: tuple[str, ...] = Field(description="figures that end it there")
+    ends_low: tuple[str, ...] = Field(description="numbers that end it there")
     ends_high: tuple[str, ...]
 
 
@@ -103,18 +103,18 @@ class Fit(Spec):
 
 
 class Conditioning(Spec):
-    """Singular values of the Jacobian of the fitted figures, in standard deviations per radian."""
+    """Singular values of the Jacobian of the fitted numbers, in standard deviations per radian."""
 
     singular_values: tuple[Real, ...]
     directions: tuple[Angles, ...] = Field(description="unit vectors, best determined first")
-    decided_by: tuple[str, ...] = Field(description="the figure that says most about each direction")
+    decided_by: tuple[str, ...] = Field(description="the number that says most about each direction")
     rank: int = Field(description="number of directions that the print determines at all")
     condition_number: Positive
     half_lengths: tuple[NonNegative, ...] = Field(description="of the joint 95 % region along the directions [rad]")
 
 
 class Left(Spec):
-    """The compatible set without one figure."""
+    """The compatible set without one number."""
 
     name: str
     growth: tuple[Real | None, ...] = Field(
@@ -123,7 +123,7 @@ class Left(Spec):
 
 
 class Round(Spec):
-    """How many start angles on a round grid are compatible with every printed figure."""
+    """How many start angles on a round grid are compatible with every printed number."""
 
     divisions: int = Field(description="n of the grid of multiples of pi / n")
     compatible: tuple[Angles, ...]
@@ -134,7 +134,7 @@ class Minimum(Spec):
     """A minimum of the misfit, from one of the starts of the global search."""
 
     angles: Angles
-    worst: str = Field(description="the figure that misses most")
+    worst: str = Field(description="the number that misses most")
     miss: NonNegative = Field(description="by how many half widths")
     starts: int = Field(description="of the search that led there")
 
@@ -154,7 +154,7 @@ class Search(Spec):
 
 
 class Identification(Spec):
-    """The start angles from the paper's printed figures."""
+    """The start angles from the paper's printed numbers."""
 
     parameters: TrebuchetParameters = Field(description="all but the start angles")
     printed: tuple[PrintedQuantity, ...]
@@ -245,7 +245,7 @@ def machines(parameters: TrebuchetParameters, angles: Start) -> tuple[Mechanism,
 
 @dataclass
 class Headlines:
-    """Misses of the printed figures as functions of the start angles; every start is computed once."""
+    """Misses of the printed numbers as functions of the start angles; every start is computed once."""
 
     parameters: TrebuchetParameters
     printed: tuple[PrintedQuantity, ...] = PRINTED
@@ -285,12 +285,12 @@ class Headlines:
 
     @property
     def fitted(self) -> list[int]:
-        """Indices of the figures that count in a least squares fit."""
+        """Indices of the numbers that count in a least squares fit."""
         return [i for i, quantity in enumerate(self.printed) if quantity.fitted]
 
 
 def computed(parameters: TrebuchetParameters, angles: Start, release_time: float) -> dict[str, float]:
-    """Every figure of :data:`PRINTED` at a start, in its printed unit.
+    """Every number of :data:`PRINTED` at a start, in its printed unit.
 
     Raises:
         InputError: a machine does not launch within about twice the printed release time.
@@ -327,7 +327,7 @@ def _speed(solution: Solution) -> float:
         mechanism = solution.problem.mechanism
         raise InputError(
             f"the {mechanism.name!r} machine started at {mechanism.start!r} does not launch within "
-            f"{solution.problem.duration:.6g} s, so the paper's figures of a launch are not there."
+            f"{solution.problem.duration:.6g} s, so the paper's numbers of a launch are not there."
         )
     return solution.launch.speed
 

@@ -49,7 +49,7 @@ from .quantities import (
 THETA = (-math.pi / 2, math.pi / 2)
 """The arm points in the direction of the launch (Sec. I)."""
 
-_CELLS = 30  # of half a turn: 6 deg, over which the figures of a launch change by some tenths of themselves
+_CELLS = 30  # of half a turn: 6 deg, over which the values of a launch change by some tenths of themselves
 _STARTS = 8
 _BEYOND = 0.3  # [s] past the printed release time; a fixed machine that takes longer misses by 40 half widths and more
 _PATIENCE = 2.0  # times as long for the machines whose time of launch is not printed
@@ -163,7 +163,7 @@ class _Search:
         return np.nan_to_num(error / half, nan=_LOST)
 
     def _quick(self, starts: FloatArray) -> FloatArray:
-        """Misses of all figures that a launch at 45 deg gives, of all three machines, shape (n, 6)."""
+        """Misses of all numbers that a launch at 45 deg gives, of all three machines, shape (n, 6)."""
         trios = [machines(self.parameters, start) for start in starts]
         alike = [trio[0] for trio in trios] + [trio[2] for trio in trios]
         n, until = len(starts), _PATIENCE * self.printed[RELEASE].value
@@ -224,7 +224,7 @@ def identify(
 
     Args:
         parameters: lengths, masses and gravity; Table I where left out.
-        printed: what is fitted; the names are those of :data:`.identification_figures.PRINTED`.
+        printed: what is fitted; the names are those of :data:`.quantities.PRINTED`.
         globally: whether to search.
 
     Raises:

@@ -66,7 +66,7 @@ class MachineEfficiency(Spec):
     speed_uncertainty: Real | None = Field(description="of the speed with the paper's sling [m/s]")
     engines: tuple[EngineValue, ...] = Field(default=(), description="efficiency with the paper's sling")
     distances: tuple[EngineValue, ...] = Field(
-        default=(), description="largest distance of any marker from ours up to the launch [m], each with its bar"
+        default=(), description="largest distance of any marker from ours up to the launch [m], each with its tolerance"
     )
 
 
@@ -147,11 +147,11 @@ def _widest(name: str) -> WidestThrow | None:
 
 
 def _allowed(run: Run, solution: Solution) -> float | None:
-    """What the engine's bars leave of the launch speed [m/s]."""
+    """What the engine's tolerances leave of the launch speed [m/s]."""
     found = {(metric.name, metric.subject): metric.tolerance for metric in run.metrics}
-    bars = Allowed(found.get(("position_max", PROJECTILE)), found.get(("launch_speed", None)))
+    tolerances = Allowed(found.get(("position_max", PROJECTILE)), found.get(("launch_speed", None)))
     launch = solution.launch
-    return None if launch is None else speed_allowance(bars, Projectile(solution), launch.time)
+    return None if launch is None else speed_allowance(tolerances, Projectile(solution), launch.time)
 
 
 def _by_engine(
@@ -170,5 +170,5 @@ def _distance(run: Run) -> EngineValue:
     if run.outcome not in (Outcome.OK, Outcome.BROKEN):
         return EngineValue(engine=run.engine, value=None, note=run.message)
     found = [metric for metric in run.metrics if metric.name == "position_max" and metric.value is not None]
-    bar = next((metric.tolerance for metric in found if metric.subject == PROJECTILE), None)
-    return EngineValue(engine=run.engine, value=max(abs(metric.value or 0.0) for metric in found), tolerance=bar)
+    tolerance = next((metric.tolerance for metric in found if metric.subject == PROJECTILE), None)
+    return EngineValue(engine=run.engine, value=max(abs(metric.value or 0.0) for metric in found), tolerance=tolerance)

@@ -8,7 +8,7 @@ import pytest
 import trebucheck as tb
 from trebucheck.paper.allowances import allowed, launches
 from trebucheck.paper.design.first_forward_swing import FirstForwardSwing, first_forward_swing_of
-from trebucheck.paper.design.study import FIGURES, confirmed
+from trebucheck.paper.design.study import QUANTITIES, confirmed
 from trebucheck.paper.results import EngineValue
 from trebucheck.paper.sweep.study import Beam
 from trebucheck.reference.solver import solve, solve_to_launch
@@ -60,7 +60,7 @@ def test_the_design_is_confirmed(engine_name: str) -> None:
         "best_range": found.range,
     }
     values = confirmed([engine_name], found, None)
-    assert set(values) == set(FIGURES)
+    assert set(values) == set(QUANTITIES)
     for figure, (value,) in values.items():
         assert _agrees(value, ours[figure]), (figure, value, ours[figure])
 
