@@ -1,4 +1,4 @@
-"""What an engine shows of the model it has built, before anything moves: the ground of the gate of equality."""
+"""What an engine exposes of the model it has built, before any motion: input of the model-equivalence check."""
 
 from __future__ import annotations
 
