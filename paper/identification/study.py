@@ -345,10 +345,10 @@ def _findings(
         yield f"with {each.name} ({each.held_because}) there is left: {what}"
     if searched is not None:
         others = searched.solutions[1:]
-        error = f"; the next minimum misses {others[0].worst} by {others[0].miss:.3g} half widths" if others else ""
+        following = f"; the next minimum misses {others[0].worst} by {others[0].miss:.3g} half widths" if others else ""
         yield (
             f"{searched.machines} launches over all starts of the printed energy, theta0 within "
-            f"{math.degrees(searched.theta[1]):.3g} deg of level, show no second set{error}"
+            f"{math.degrees(searched.theta[1]):.3g} deg of level, show no second set{following}"
             if not any(s.miss <= 1 for s in others)
             else f"the search finds {1 + sum(s.miss <= 1 for s in others)} separate sets of start angles"
         )

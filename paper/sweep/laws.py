@@ -110,7 +110,7 @@ class Searches:
         """From one guess [s] everywhere.
 
         Args:
-            asked: l1 of places whose success is wanted one by one [m].
+            wanted: l1 of places whose success is wanted one by one [m].
         """
         first, later = self._ends(guess)
         missed = np.flatnonzero(~first)

@@ -135,9 +135,9 @@ class RigidSwing:
         if abs(constant) > abs(wave):
             return ()
         # Re(w e^{-i d}) = -a at d = arg w +- acos(-a/|w|).
-        error = math.acos(-constant / abs(wave))
+        offset = math.acos(-constant / abs(wave))
         end = 2 * self.sense * self.amplitude
-        angles = {cmath.phase(wave) + sign * error + 2 * math.pi * n for sign in (1, -1) for n in range(-2, 3)}
+        angles = {cmath.phase(wave) + sign * offset + 2 * math.pi * n for sign in (1, -1) for n in range(-2, 3)}
         within = [angle for angle in angles if min(0.0, end) <= angle <= max(0.0, end)]
         first = [self._time_of(angle) for angle in within]
         return tuple(sorted([*first, *(self.period - t for t in first)]))

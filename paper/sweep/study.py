@@ -90,9 +90,9 @@ class Beam:
         error = _SAFETY * (abs(exact - float(fine(at))) + abs(float(fine(at) - rough(at))))
         # The flatter the peak, the less a speed says about its place: e = v'' x^2 / 2.
         bend = abs(float(fine.deriv(2)(at)))
-        error = abs(at - places[1]) if places[0] is not None and places[1] is not None else np.sqrt(2 * error / bend)
+        shift = abs(at - places[1]) if places[0] is not None and places[1] is not None else np.sqrt(2 * error / bend)
         return Peak(
-            l1=Quantity(value=at, uncertainty=float(_SAFETY * error + np.spacing(at)), unit="m"),
+            l1=Quantity(value=at, uncertainty=float(_SAFETY * shift + np.spacing(at)), unit="m"),
             speed=Quantity(value=float(exact), uncertainty=error, unit="m/s"),
             lever_ratio=at / (self.length - at),
             interior=places[0] is not None,
