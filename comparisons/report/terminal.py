@@ -49,7 +49,7 @@ def _show(block: Block, to: Console) -> None:
             for item in block.items:
                 to.print(_paragraph(item), soft_wrap=True)
         case Table():
-            to.print(_table(block))
+            to.print(_table(block, to.width))
         case Code():
             to.print(Styled(f"\n# --- {block.title}", style="dim"))
             to.print(Styled(block.text), soft_wrap=True)
@@ -67,7 +67,7 @@ def _paragraph(block: Text | Note) -> Styled:
     return Styled.assemble((block.lead, _STYLES[block.mark]), " ", block.text)
 
 
-def _table(block: Table) -> rich_table.Table:
+def _table(block: Table, width: int) -> rich_table.Table:
     drawn = rich_table.Table(
         title=Styled(block.caption) if block.caption else None,
         title_justify="left",
@@ -76,12 +76,22 @@ def _table(block: Table) -> rich_table.Table:
         pad_edge=False,
         show_header=block.has_head,
     )
-    columns = block.columns_in("terminal")
+    columns, rows = block.columns_in("terminal"), block.rows_in("terminal")
     for column in columns:
-        drawn.add_column(_heading(column), justify=column.align or "left", no_wrap=not column.wrap)
-    for _, cells in block.rows_in("terminal"):
+        drawn.add_column(_heading(column), justify=column.align or "left", no_wrap=not column.wrap, overflow="fold")
+    for _, cells in rows:
         drawn.add_row(*(Styled(cell.text, style=_STYLES[cell.mark]) for cell, _ in cells))
+    if sum(map(_least_width, drawn.columns)) > width:  # no_wrap would cut texts off
+        for column in drawn.columns:
+            column.no_wrap = False
     return drawn
+
+
+def _least_width(column: rich_table.Column) -> int:
+    """Of a column with its gap, no word of it broken."""
+    texts = [str(text) for text in (column.header, *column.cells)]
+    parts = [part for text in texts for part in (text.splitlines() if column.no_wrap else text.split())]
+    return 2 + max(map(len, parts), default=0)
 
 
 def _heading(column: Column) -> Styled:

@@ -107,6 +107,14 @@ def test_numbers_stand_to_the_right_and_texts_to_the_left() -> None:
     assert [column.wrap for column in found.columns] == [False, False, True, False]
 
 
+def test_a_narrow_terminal_cuts_nothing_off() -> None:
+    wide = table("engine | error | torque | outcome", [("reference_tuned", "1.234e-11", "1.234e-11", "broken")])
+    letters = re.sub(r"\s", "", _terminal(wide, width=24))
+    assert "…" not in letters and sorted(letters.replace("─", "")) == sorted(
+        "engineerrortorqueoutcomereference_tuned1.234e-111.234e-11broken"
+    )
+
+
 def test_groups_share_a_heading() -> None:
     heads = [*columns("cause"), Column("first", group="position [m]"), Column("second", group="position [m]")]
     assert '<th scope="colgroup" colspan="2">position [m]</th>' in _page(table(heads, [("a", 1.0, 2.0)]))
