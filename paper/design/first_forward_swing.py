@@ -40,7 +40,7 @@ class Reading(StrEnum):
 
 
 class Throwing(Spec):
-    """One rolling machine's first sweep, by the reference."""
+    """One rolling machine's first forward swing, by the reference."""
 
     parameters: TrebuchetParameters
     lever_ratio: Real = Field(description="l1 / l2")
@@ -166,7 +166,7 @@ class FirstForwardSwing:
 
 
 def first_forward_swing_of(mechanism: Mechanism, solver: Solver = quick) -> FirstForwardSwing | None:
-    """The first sweep of a machine; None where it is no throw.
+    """The first forward swing of a machine; None where it is no throw.
 
     It is one where the sling's rest opens, the velocity comes down to 45 degrees within three characteristic times, the
     speed has its largest value inside the sweep and not at an end of it, a release flies forward to the fulcrum's
@@ -283,7 +283,7 @@ def read_throw(parameters: TrebuchetParameters, found: FirstForwardSwing) -> Thr
     kinetic = 0.5 * p.m_b * found.best.speed**2
     available = available_energy(mechanism)
     opened = solution.release_times[SLING_REST]
-    assert opened is not None  # or there were no first sweep
+    assert opened is not None  # or there were no first forward swing
     return Throwing(
         parameters=p,
         lever_ratio=p.l1 / p.l2,

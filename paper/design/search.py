@@ -70,7 +70,7 @@ class Family:
         return np.array([getattr(parameters, name) for name in NAMES]) / self.scale
 
     def sweep(self, x: FloatArray) -> FirstForwardSwing | None:
-        """The first sweep at x; None where there is no throw."""
+        """The first forward swing at x; None where there is no throw."""
         key = tuple(x.tolist())
         if key not in self._known:
             self._known[key] = first_forward_swing_of(rolling(self.machine(x)))

@@ -157,7 +157,7 @@ def _reference_throw(parameters: TrebuchetParameters, build: Callable[[Trebuchet
     mechanism = build(parameters)
     found = first_forward_swing_of(mechanism, solve)
     if found is None:
-        raise InputError(f"the {mechanism.name!r} machine to compare with does not throw in its first sweep.")
+        raise InputError(f"the {mechanism.name!r} machine to compare with does not throw in its first forward swing.")
     return read_throw(parameters, found)
 
 

@@ -83,7 +83,7 @@ class Throwing:
         return np.angle(np.exp(1j * across))
 
     def time_of(self, angle: float, reading: AngleReading) -> float | None:
-        """When the angle [rad] is last met before the first sweep ends [s]; None where it is not."""
+        """When the angle [rad] is last met before the first forward swing ends [s]; None where it is not."""
         times, angles = self._sweep(reading)
         below = np.flatnonzero((angles[:-1] > angle) & (angles[1:] <= angle))
         if not len(below):
