@@ -89,11 +89,12 @@ def efficiencies(engines: Sequence[str] | None = None) -> Machines:
     """Throw every named machine by the reference and the engines' tuned presets.
 
     Args:
-        engines: names; all if left out. One that is absent or fails becomes a note.
+        engines: names; all if left out, none if empty. One that is absent or fails becomes a note.
     """
     started = time.perf_counter()
     names = tuple(models())
-    comparison = compare(names, engines=engines, presets=("tuned",))
+    named = engines if engines is None else tuple(engines) or ("reference",)
+    comparison = compare(names, engines=named, presets=("tuned",))
     rows = tuple(_efficiency(name, comparison) for name in names)
     return Machines(machines=rows, slings=SLINGS, bounds=BOUNDS, seconds=time.perf_counter() - started)
 
