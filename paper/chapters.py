@@ -12,10 +12,10 @@ from ..comparisons.report.document import Block, Figure, Heading, Text, page_onl
 from ..comparisons.report.numbers import sentence
 from .design.first_forward_swing import CoincidingDesign, Design, Throwing
 from .drag.results import DragInterval, DragStudy
+from .evidence.results import EngineValue
 from .identification.quantities import Identification
 from .machines.study import MachineEfficiency, Machines, SlingThrow, WidestThrow
 from .plots import best_angles, efficiencies
-from .results import EngineValue
 from .sweep.results import Artefact, Position, Sweep
 
 

@@ -6,10 +6,9 @@ import re
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from .evidence import Evidence, Row
-from .results import Claim, Unreached
+from .evidence.results import Claim, Unreached
+from .evidence.verdicts import Evidence, Row, undecided
 from .rows import fitted, machine, machines, release, rolling, sweep, torques
-from .verdicts import undecided
 
 THROWS = (machine, torques, release, rolling)
 """Modules of the rows on the two machines and their throws."""

@@ -12,8 +12,8 @@ from plotly.subplots import make_subplots
 
 from ..comparisons.report.plots import engine_colour, finish
 from .drag.results import DragStudy
+from .evidence.results import Series
 from .machines.study import MachineEfficiency, Machines, SlingThrow
-from .results import Series
 
 _WORLDS = {"moon": "#777777", "mars": "#c0392b", "earth": "#1f77b4", "venus": "#d9a30d"}
 _PRINTED, _GRID, _OTHER = "#c0392b", "#9467bd", "#b08d57"

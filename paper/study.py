@@ -31,13 +31,13 @@ from .claims import UNREACHED, claims
 from .curves import series
 from .design.study import design_rolling
 from .drag.study import drag_study
-from .evidence import FIXED, ROLLING, Evidence
+from .evidence.printed import BEST_L1
+from .evidence.results import Study
+from .evidence.throws import MachineThrow, throw_by_all
+from .evidence.verdicts import FIXED, ROLLING, Evidence
 from .identification.study import identify
 from .machines.study import efficiencies
-from .printed import BEST_L1
-from .results import Study
 from .sweep.study import WITH_ENGINES, fulcrum_sweep
-from .throws import MachineThrow, throw_by_all
 
 MACHINES = (FIXED, ROLLING)
 """The paper's two."""

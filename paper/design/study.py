@@ -21,10 +21,9 @@ from ...reference.certification.quantities import BEYOND_LAUNCH
 from ...reference.solver import solve
 from ...reference.throw.flight import fly, range_rate
 from ...reference.throw.throw import throw
-from ..allowances import TAIL, allowed, simulated, turning
-from ..quantities import BEST_ANGLE, BEST_RANGE, BEST_SPEED, BEST_TIME, FASTEST_TIME, read_certified
-from ..results import EngineValue, Quantity
-from ..sampled import SampledMotion
+from ..evidence.engine_runs import TAIL, SampledMotion, allowed, simulated, turning
+from ..evidence.quantities import BEST_ANGLE, BEST_RANGE, BEST_SPEED, BEST_TIME, FASTEST_TIME, read_certified
+from ..evidence.results import EngineValue, Quantity
 from ..sweep.study import ENGINES
 from .first_forward_swing import (
     Bounds,
@@ -210,8 +209,8 @@ def tolerances(found: FirstForwardSwing, position: float | None) -> dict[str, fl
     """What an allowance of the projectile's position [m] is for each quantity, to first order.
 
     The velocity is allowed w times as much and the acceleration w^2 times, w being the rate at which the velocity
-    turns (see `paper.allowances`). Where a quantity's instant is a zero of a rate, the instant may move by what the
-    rate may, over the rate's own slope.
+    turns (see `paper.evidence.engine_runs`). Where a quantity's instant is a zero of a rate, the instant may move by
+    what the rate may, over the rate's own slope.
 
     Args:
         position: None gives no tolerances.

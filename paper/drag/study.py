@@ -22,7 +22,7 @@ from ...models.mechanism import Mechanism
 from ...reference.solver import solve_to_launch
 from ...reference.throw.flight import World, world
 from ...reference.throw.release import Projectile
-from ..printed import CAPTION_STEP, TIME_STEP, parse
+from ..evidence.printed import CAPTION_STEP, TIME_STEP, parse
 from .motion import Throwing, common, interval, on_grid
 from .results import (
     AngleCurve,

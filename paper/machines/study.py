@@ -18,8 +18,8 @@ from ...models.trajectory import Trajectory
 from ...reference.certification.certificate import reference_uncertainty
 from ...reference.solution import Solution
 from ...reference.throw.release import Projectile
-from ..allowances import Allowed, speed_allowance
-from ..results import EngineValue
+from ..evidence.engine_runs import Allowed, speed_allowance
+from ..evidence.results import EngineValue
 from .search import (
     BOUNDS,
     SLINGS,

@@ -16,12 +16,24 @@ from ..drag.results import (
     Reading,
     WorldFit,
 )
-from ..evidence import FIXED, Evidence, Row
+from ..evidence.printed import BEST_ANGLE, TIME_STEP
+from ..evidence.quantities import FASTEST_ANGLE
+from ..evidence.results import Quantity, Verdict
+from ..evidence.verdicts import (
+    FIXED,
+    Cause,
+    Evidence,
+    Grid,
+    Judgement,
+    Row,
+    as_printed,
+    distinguishable,
+    occurs,
+    positive,
+    undecided,
+    vanishes,
+)
 from ..identification.quantities import Identification
-from ..printed import BEST_ANGLE, TIME_STEP
-from ..quantities import FASTEST_ANGLE
-from ..results import Quantity, Verdict
-from ..verdicts import Cause, Grid, Judgement, as_printed, distinguishable, occurs, positive, undecided, vanishes
 
 _TABLE, _SEC = "Table II", "Sec. IV, Table II"
 _CLOSE = 5.0  # [deg]: 'close to 45' asks for five

@@ -16,12 +16,20 @@ from ...models.machines.trebuchet import COUNTERWEIGHT, PROJECTILE, fixed
 from ...models.mechanism import Mechanism
 from ...reference.equations import Equations
 from ...reference.solver import solve_to_launch
-from ..evidence import FIXED, ROLLING, Evidence, Row
-from ..printed import BEAM, BEST_ANGLE, BEST_L1, BEST_RATIO, LAUNCH_SPEED, LEVER_RATIO, SLING_ANGLE, SLING_RADIANS
-from ..quantities import LAUNCH_SPEED as SPEED
-from ..quantities import start_torque
-from ..results import Quantity
-from ..verdicts import Cause, as_printed, at_most, positive, undecided, vanishes
+from ..evidence.printed import (
+    BEAM,
+    BEST_ANGLE,
+    BEST_L1,
+    BEST_RATIO,
+    LAUNCH_SPEED,
+    LEVER_RATIO,
+    SLING_ANGLE,
+    SLING_RADIANS,
+)
+from ..evidence.quantities import LAUNCH_SPEED as SPEED
+from ..evidence.quantities import start_torque
+from ..evidence.results import Quantity
+from ..evidence.verdicts import FIXED, ROLLING, Cause, Evidence, Row, as_printed, at_most, positive, undecided, vanishes
 
 _ROUNDING = 1e-12  # of sums of a few terms, relative: a thousand times what they can lose
 _ALMOST = 10.0  # [deg]: 'almost' asks for ten

@@ -13,10 +13,9 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 from ..design.first_forward_swing import CoincidingDesign, Design
-from ..evidence import ROLLING, Row
+from ..evidence.results import EngineValue, Quantity, Verdict
+from ..evidence.verdicts import ROLLING, Cause, Judgement, Row, at_least, positive, undecided, vanishes
 from ..machines.study import MachineEfficiency, Machines
-from ..results import EngineValue, Quantity, Verdict
-from ..verdicts import Cause, Judgement, at_least, positive, undecided, vanishes
 
 _MUCH = 2.0  # 'much more' asks for twice
 _ALL = 0.99  # 'the full energy' asks for all but a hundredth

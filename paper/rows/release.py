@@ -11,9 +11,8 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.machines.trebuchet import PROJECTILE
 from ...models.trajectory import Trajectory
-from .. import quantities as of
-from ..evidence import FIXED, Evidence, Row
-from ..printed import (
+from ..evidence import quantities as of
+from ..evidence.printed import (
     BEST_ANGLE,
     CAPTION_STEP,
     LAUNCH_SPEED,
@@ -22,9 +21,9 @@ from ..printed import (
     SLING_RADIANS,
     TIME_STEP,
 )
-from ..quantities import vacuum_ranges
-from ..throws import MachineThrow
-from ..verdicts import Cause, Grid, as_printed, coincides, positive, vanishes
+from ..evidence.quantities import vacuum_ranges
+from ..evidence.throws import MachineThrow
+from ..evidence.verdicts import FIXED, Cause, Evidence, Grid, Row, as_printed, coincides, positive, vanishes
 
 _DEGREE = 180 / math.pi
 _ACROSS = 1.0  # [deg] the paper finds the right angle between two angles that it rounds to a degree each

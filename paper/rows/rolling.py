@@ -8,13 +8,12 @@ from functools import partial
 import numpy as np
 
 from ...models.machines.trebuchet import COUNTERWEIGHT
-from .. import quantities as of
-from ..evidence import FIXED, ROLLING, Evidence, Row
-from ..printed import ENERGY_ERROR, ENERGY_GAIN, ENERGY_SHARE, JOULE_SHARE, RATIOS, SPEED_GAIN, SWING, WAY
-from ..quantities import Formula, ThrowQuantity
-from ..results import Quantity
-from ..throws import MachineThrow
-from ..verdicts import Cause, as_printed, below, coincides, positive, vanishes
+from ..evidence import quantities as of
+from ..evidence.printed import ENERGY_ERROR, ENERGY_GAIN, ENERGY_SHARE, JOULE_SHARE, RATIOS, SPEED_GAIN, SWING, WAY
+from ..evidence.quantities import Formula, ThrowQuantity
+from ..evidence.results import Quantity
+from ..evidence.throws import MachineThrow
+from ..evidence.verdicts import FIXED, ROLLING, Cause, Evidence, Row, as_printed, below, coincides, positive, vanishes
 from .torques import negated
 
 

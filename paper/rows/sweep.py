@@ -7,8 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from ..evidence import FIXED, Evidence, Row
-from ..printed import (
+from ..evidence.printed import (
     BACKWARD_L1,
     BEST_L1,
     BEST_RATIO,
@@ -19,11 +18,23 @@ from ..printed import (
     NO_SPEED,
     ZERO_L1,
 )
-from ..quantities import LAUNCH_SPEED as SPEED
-from ..quantities import fit
-from ..results import Quantity
+from ..evidence.quantities import LAUNCH_SPEED as SPEED
+from ..evidence.quantities import fit
+from ..evidence.results import Quantity
+from ..evidence.verdicts import (
+    FIXED,
+    Cause,
+    Evidence,
+    Row,
+    as_printed,
+    at_least,
+    at_most,
+    occurs,
+    positive,
+    undecided,
+    vanishes,
+)
 from ..sweep.results import Position, Sweep
-from ..verdicts import Cause, as_printed, at_least, at_most, occurs, positive, undecided, vanishes
 
 _SEC, _FIG = "Sec. V", "Sec. V, Fig. 5"
 _LINEAR = 0.99  # 'linear-like' asks that a line accounts for 99 % of the variance

@@ -7,8 +7,7 @@ from functools import partial
 
 from ...models.machines.trebuchet import HANGER_REST, SLING_REST
 from ...models.problem import StopLaw
-from ..evidence import FIXED, ROLLING, Evidence, Row
-from ..quantities import (
+from ..evidence.quantities import (
     ARM_DELAY,
     BEND,
     FIRST_BLOW,
@@ -24,8 +23,8 @@ from ..quantities import (
     start_torque,
     steepening,
 )
-from ..results import Quantity
-from ..verdicts import Cause, at_least, positive, vanishes
+from ..evidence.results import Quantity
+from ..evidence.verdicts import FIXED, ROLLING, Cause, Evidence, Row, at_least, positive, vanishes
 
 _SIGNIFICANT = 0.1
 _ROUNDING = 64 * 2.2e-16 * 10  # of angles up to ten radians

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from ...models.spec import Real, Spec, Vector
-from ..results import EngineValue, Quantity
+from ..evidence.results import EngineValue, Quantity
 
 
 class Curve(Spec):

@@ -20,9 +20,9 @@ from ...reference.equations import Equations
 from ...reference.solution import Solution
 from ...reference.solver import solve_to_launch
 from ...reference.throw.release import Projectile
-from ..allowances import furthest_back, launches
-from ..printed import BACKWARD_L1, BEST_L1, TABLE_L1, ZERO_L1
-from ..results import Quantity
+from ..evidence.engine_runs import furthest_back, launches
+from ..evidence.printed import BACKWARD_L1, BEST_L1, TABLE_L1, ZERO_L1
+from ..evidence.results import Quantity
 from .laws import Searches, bilateral, early_crossings, pulls_at_start, release_once, wrong_zero
 from .results import Artefact, Backward, Curve, Neighbourhood, Peak, Position, Regime, Sweep, Swing, Trend
 from .rigid_swing import RigidSwing, gravity_and_inertia, hanger_torque_on_beam, on_beam, zeros_within

@@ -11,8 +11,8 @@ from trebucheck.comparisons.runs.worker import Worker
 from trebucheck.engines.registry import engine_class, engine_names
 from trebucheck.paper.claims import THROWS
 from trebucheck.paper.curves import series
-from trebucheck.paper.evidence import Evidence
-from trebucheck.paper.quantities import (
+from trebucheck.paper.evidence.engine_runs import SampledMotion
+from trebucheck.paper.evidence.quantities import (
     ARM_ARRIVAL,
     BEST_TIME,
     ENERGY_RATIO,
@@ -24,10 +24,10 @@ from trebucheck.paper.quantities import (
     certified,
     read,
 )
-from trebucheck.paper.results import Claim, Verdict
-from trebucheck.paper.sampled import SampledMotion
+from trebucheck.paper.evidence.results import Claim, Verdict
+from trebucheck.paper.evidence.throws import throw_by_all
+from trebucheck.paper.evidence.verdicts import Evidence
 from trebucheck.paper.study import MACHINES
-from trebucheck.paper.throws import throw_by_all
 from trebucheck.reference.certification.certificate import load_certificate
 from trebucheck.reference.certification.certify import MinimalMotion
 from trebucheck.reference.certification.quantities import Key
@@ -167,9 +167,8 @@ def test_the_arm_stop_acts_only_after_the_launch() -> None:
 
 
 def test_an_absent_engine_is_a_note() -> None:
-    from trebucheck.paper.evidence import Row
-    from trebucheck.paper.throws import EngineThrow, MachineThrow
-    from trebucheck.paper.verdicts import as_printed
+    from trebucheck.paper.evidence.throws import EngineThrow, MachineThrow
+    from trebucheck.paper.evidence.verdicts import Row, as_printed
 
     throw = evidence().throws["fixed"]
     fields = {name: getattr(throw, name) for name in MachineThrow.__dataclass_fields__}

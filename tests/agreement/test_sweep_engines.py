@@ -6,10 +6,10 @@ from functools import cache
 
 import pytest
 import trebucheck as tb
-from trebucheck.paper.allowances import allowed, launches
 from trebucheck.paper.design.first_forward_swing import FirstForwardSwing, first_forward_swing_of
 from trebucheck.paper.design.study import QUANTITIES, confirmed
-from trebucheck.paper.results import EngineValue
+from trebucheck.paper.evidence.engine_runs import allowed, launches
+from trebucheck.paper.evidence.results import EngineValue
 from trebucheck.paper.sweep.study import Beam
 from trebucheck.reference.solver import solve, solve_to_launch
 from trebucheck.reference.throw.release import Projectile

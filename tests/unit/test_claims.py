@@ -16,18 +16,13 @@ from trebucheck.comparisons.report.numbers import sentence
 from trebucheck.models.spec import schema_text
 from trebucheck.paper import report as shown
 from trebucheck.paper.claims import UNREACHED, order
-from trebucheck.paper.evidence import Row, spread
-from trebucheck.paper.machines.study import MachineEfficiency, Machines, SlingThrow, WidestThrow
-from trebucheck.paper.printed import parse
-from trebucheck.paper.quantities import fit
-from trebucheck.paper.results import Claim, EngineValue, Quantity, Series, Study, Verdict
-from trebucheck.paper.rows import machine as rows_machine
-from trebucheck.paper.rows import machines as rows_machines
-from trebucheck.paper.rows.release import around
-from trebucheck.paper.study import Jobs, study
-from trebucheck.paper.verdicts import (
+from trebucheck.paper.evidence.printed import parse
+from trebucheck.paper.evidence.quantities import fit
+from trebucheck.paper.evidence.results import Claim, EngineValue, Quantity, Series, Study, Verdict
+from trebucheck.paper.evidence.verdicts import (
     Cause,
     Grid,
+    Row,
     as_printed,
     at_least,
     at_most,
@@ -36,9 +31,15 @@ from trebucheck.paper.verdicts import (
     distinguishable,
     occurs,
     positive,
+    spread,
     undecided,
     vanishes,
 )
+from trebucheck.paper.machines.study import MachineEfficiency, Machines, SlingThrow, WidestThrow
+from trebucheck.paper.rows import machine as rows_machine
+from trebucheck.paper.rows import machines as rows_machines
+from trebucheck.paper.rows.release import around
+from trebucheck.paper.study import Jobs, study
 
 ROOT = Path(__file__).parents[2]
 Throws = tuple[float, float | None, float | None]

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
-from ..models.arrays import FloatArray
-from ..models.kinematics import Kinematics
-from ..models.machines.trebuchet import ARM_STOP, COUNTERWEIGHT, PROJECTILE
-from ..models.mechanism import Mechanism
-from ..models.problem import StopLaw
-from ..models.trajectory import Trajectory
-from ..reference.certification.quantities import BEYOND_LAUNCH, Key, Motion, Plan, read_quantities, vacuum_range
+from ...models.arrays import FloatArray
+from ...models.kinematics import Kinematics
+from ...models.machines.trebuchet import ARM_STOP, COUNTERWEIGHT, PROJECTILE
+from ...models.mechanism import Mechanism
+from ...models.problem import StopLaw
+from ...models.trajectory import Trajectory
+from ...reference.certification.quantities import BEYOND_LAUNCH, Key, Motion, Plan, read_quantities, vacuum_range
 from .printed import CAPTION_STEP, TIME_STEP
 
 _SCAN = 0.01  # [s] in which the arm cannot come to its stop and back

@@ -6,7 +6,7 @@ import re
 from decimal import Decimal
 from typing import NamedTuple
 
-from ..models.errors import InputError
+from ...models.errors import InputError
 
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
 

@@ -11,25 +11,24 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..comparisons.runs.worker import Worker
-from ..engines.protocol import Engine
-from ..engines.registry import engine
-from ..models.arrays import FloatArray
-from ..models.errors import InputError
-from ..models.machines.parameters import TrebuchetParameters
-from ..models.machines.registry import model
-from ..models.machines.trebuchet import ARM_STOP
-from ..models.mechanism import Mechanism
-from ..models.problem import Problem, StopLaw
-from ..models.trajectory import Trajectory
-from ..reference.certification.certificate import load_certificate
-from ..reference.certification.certify import MinimalMotion
-from ..reference.certification.quantities import BEYOND_LAUNCH, Key, Motion, vacuum_range
-from ..reference.solution import Solution
-from ..reference.solver import solve, solve_to_launch
-from .allowances import Amplification, allowances, amplification, attempted
+from ...comparisons.runs.worker import Worker
+from ...engines.protocol import Engine
+from ...engines.registry import engine
+from ...models.arrays import FloatArray
+from ...models.errors import InputError
+from ...models.machines.parameters import TrebuchetParameters
+from ...models.machines.registry import model
+from ...models.machines.trebuchet import ARM_STOP
+from ...models.mechanism import Mechanism
+from ...models.problem import Problem, StopLaw
+from ...models.trajectory import Trajectory
+from ...reference.certification.certificate import load_certificate
+from ...reference.certification.certify import MinimalMotion
+from ...reference.certification.quantities import BEYOND_LAUNCH, Key, Motion, vacuum_range
+from ...reference.solution import Solution
+from ...reference.solver import solve, solve_to_launch
+from .engine_runs import Amplification, SampledMotion, allowances, amplification, attempted
 from .quantities import ARM_ARRIVAL, FIRST_BLOW, LAUNCH_SPEED, LAUNCH_TIME, RANGE, Readings, certified, read
-from .sampled import SampledMotion
 
 _TAIL = 0.05  # [s] past the last instant that is read, so that polynomials have samples on both sides
 _SAMPLES = 3000  # of the reference, over the whole motion, for what is read along it

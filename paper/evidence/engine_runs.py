@@ -1,4 +1,4 @@
-"""Engines on the paper's machines, and how far their quantities may lie from ours.
+"""Engines on the paper's machines: their samples as a motion, and how far their quantities may lie from ours.
 
 Tolerances are stated for release times, torques, the energy and the projectile's position. What an error of the
 position means for another quantity is estimated on the machine itself: each parameter is changed a little, and the
@@ -13,29 +13,90 @@ acceleration p w^2; the allowance of every quantity follows from those by its ow
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
+from scipy.interpolate import BSpline, make_interp_spline
 
-from ..comparisons.runs.runner import failure
-from ..comparisons.runs.tolerances import AppliedTolerance, is_table_one, tolerance_for
-from ..comparisons.runs.worker import Worker
-from ..engines.protocol import Engine
-from ..engines.registry import engine
-from ..models.arrays import FloatArray
-from ..models.machines.parameters import TrebuchetParameters
-from ..models.machines.registry import model
-from ..models.machines.trebuchet import PROJECTILE
-from ..models.mechanism import Mechanism
-from ..models.problem import Problem
-from ..models.trajectory import Trajectory
-from ..reference.solver import solve
-from ..reference.throw.release import Projectile
+from ...comparisons.runs.runner import failure
+from ...comparisons.runs.tolerances import AppliedTolerance, is_table_one, tolerance_for
+from ...comparisons.runs.worker import Worker
+from ...engines.protocol import Engine
+from ...engines.registry import engine
+from ...models.arrays import FloatArray
+from ...models.launch import Launch
+from ...models.machines.parameters import TrebuchetParameters
+from ...models.machines.registry import model
+from ...models.machines.trebuchet import PROJECTILE
+from ...models.mechanism import Mechanism
+from ...models.problem import Problem
+from ...models.trajectory import Trajectory
+from ...reference.certification.quantities import PointState
+from ...reference.solver import solve
+from ...reference.throw.release import Projectile
 from .quantities import BEND, LAUNCH_TIME, TOTAL_ENERGY, Readings, ThrowQuantity, read
 from .results import EngineValue
-from .sampled import SampledMotion
+
+_DEGREE = 5  # error ~ step^6: far below that of any engine, at the steps they are run with
+_CROWDED = 0.5  # of the median step: samples closer than this (a release inside a step) unsettle a spline
+
+
+class SampledMotion:
+    """A trajectory read at any time (a `Motion` of the reference's `quantities`).
+
+    Positions, velocities and coordinates are quintic splines through the samples; an acceleration is the derivative
+    of the velocity's spline. Torques and energies, which have kinks, are read linearly.
+    """
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        self.trajectory = trajectory
+        t = trajectory.t
+        self._kept = np.concatenate([[True], np.diff(t) > _CROWDED * float(np.median(np.diff(t)))])
+        self._launch = trajectory.launch()
+        self._splines: dict[tuple[str, str], BSpline] = {}
+
+    @property
+    def release_times(self) -> Mapping[str, float | None]:
+        """When each stop opened [s]."""
+        return self.trajectory.release_times
+
+    @property
+    def launch(self) -> Launch | None:
+        """The launch at 45 degrees."""
+        return self._launch
+
+    def state(self, t: float) -> tuple[FloatArray, FloatArray]:
+        """Q and u."""
+        q, u = self._spline("", "q", self.trajectory.q), self._spline("", "u", self.trajectory.u)
+        return np.asarray(q(t)), np.asarray(u(t))
+
+    def marker(self, name: str, t: float) -> PointState:
+        """Position, velocity and acceleration of a marker, each (2,)."""
+        motion = self.trajectory.marker(name)
+        position = self._spline(name, "position", motion.position)
+        velocity = self._spline(name, "velocity", motion.velocity)
+        return np.asarray(position(t)), np.asarray(velocity(t)), np.asarray(velocity(t, 1))
+
+    def stop_torques(self, t: float) -> Mapping[str, float]:
+        """Torque of every stop [N m]; NaN for one the engine does not show."""
+        shown = self.trajectory.stop_torques
+        return {
+            stop.name: float(np.interp(t, self.trajectory.t, shown[stop.name])) if stop.name in shown else np.nan
+            for stop in self.trajectory.mechanism.stops
+        }
+
+    def energy(self, t: float) -> float:
+        """Total energy [J]."""
+        return float(np.interp(t, self.trajectory.t, self.trajectory.total_energy))
+
+    def _spline(self, name: str, what: str, values: FloatArray) -> BSpline:
+        if (name, what) not in self._splines:
+            kept = self._kept
+            self._splines[name, what] = make_interp_spline(self.trajectory.t[kept], values[kept], k=_DEGREE)
+        return self._splines[name, what]
+
 
 _Result = TypeVar("_Result")
 TAIL = 0.02  # [s] an engine runs on past what is read, so that there are samples on both sides

@@ -7,8 +7,8 @@ from typing import Literal
 
 from pydantic import Field, JsonValue
 
-from ..models.mechanism import Mechanism
-from ..models.spec import Real, Spec
+from ...models.mechanism import Mechanism
+from ...models.spec import Real, Spec
 
 FORMAT = "trebucheck-paper-1"
 
