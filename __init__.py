@@ -31,9 +31,8 @@ if TYPE_CHECKING:
     from .models.launch import Launch
     from .models.machines.catapult import CatapultParameters, catapult
     from .models.machines.floating_arm import FloatingArmParameters, floating_arm
-    from .models.machines.hinged import HingedParameters, hinged
     from .models.machines.parameters import TrebuchetParameters
-    from .models.machines.trebuchet import fixed, rolling
+    from .models.machines.trebuchet import HingedParameters, fixed, hinged, rolling
     from .models.mechanism import Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint, Stop
     from .models.problem import Problem, StopLaw
     from .models.trajectory import Trajectory
@@ -90,7 +89,7 @@ _HOMES = {
     "fixed": "models.machines.trebuchet",
     "rolling": "models.machines.trebuchet",
     **dict.fromkeys(("CatapultParameters", "catapult"), "models.machines.catapult"),
-    **dict.fromkeys(("HingedParameters", "hinged"), "models.machines.hinged"),
+    **dict.fromkeys(("HingedParameters", "hinged"), "models.machines.trebuchet"),
     **dict.fromkeys(("FloatingArmParameters", "floating_arm"), "models.machines.floating_arm"),
     **dict.fromkeys(_ERRORS, "models.errors"),
     **dict.fromkeys(("Body", "Marker", "Mechanism", "PinJoint", "PointStop", "SlotJoint", "Stop"), "models.mechanism"),

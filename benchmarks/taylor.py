@@ -13,7 +13,8 @@ from functools import partial
 import numpy as np
 import trebucheck as tb
 from trebucheck.reference.solver import solve
-from trebucheck.reference.taylor.solve import launch_batch, taylor_launch, taylor_quantities
+from trebucheck.reference.taylor.batch import launch_batch
+from trebucheck.reference.taylor.solve import taylor_launch, taylor_quantities
 
 RUNS, BATCH, TOLERANCE, DURATION = 15, 1000, 1e-12, 4.0
 BUILDS = {"fixed": tb.fixed, "rolling": tb.rolling}

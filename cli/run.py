@@ -34,9 +34,9 @@ def run_command(
     """
     from ..comparisons.report.sections import run_report
     from ..engines.registry import engine as make
-    from ..models.dataset import save
     from ..models.files import refuse_unwritable
     from ..models.problem import Problem
+    from ..models.trajectory import save
 
     mechanism = options.machine(model, options.parameters(assignments, beam), "run")
     own = options.engine_options(option)

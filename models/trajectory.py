@@ -1,4 +1,4 @@
-"""The result of every engine: the motion at its own times, and its cost."""
+"""The result of every engine: the motion at its own times, and its cost; as a dataset, and as NetCDF and back."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 
 from .arrays import FloatArray
 from .errors import InputError
+from .files import replacing
 from .kinematics import Kinematics
 from .launch import Launch, locate_launch, rest_opened
 from .mechanism import Mechanism
@@ -135,10 +137,7 @@ class Trajectory:
         return self.kinematics.momentum(self.q, self.u)
 
     def to_dataset(self) -> xr.Dataset:
-        """All of it as a labelled dataset with units; what the engine cannot observe is left out.
-
-        :mod:`.dataset` writes it to files and reads it back.
-        """
+        """All of it as a labelled dataset with units; what the engine cannot observe is left out."""
         import xarray as xr  # it takes a third of a second
 
         names = list(self.mechanism.coordinates)
@@ -208,3 +207,69 @@ def _named(what: str, name: str, among: Mapping[str, _T]) -> _T:
     if name not in among:
         raise InputError(f"there is no {what} {name!r} here; there is {sorted(among) or 'none'}.")
     return among[name]
+
+
+def from_dataset(dataset: xr.Dataset) -> Trajectory:
+    """The trajectory a dataset was made from.
+
+    Raises:
+        InputError: the dataset was not made by :meth:`Trajectory.to_dataset`.
+    """
+    if dataset.attrs.get("format") != FORMAT:
+        raise InputError(f"the dataset's format is {dataset.attrs.get('format')!r}; {FORMAT!r} is needed.")
+    positions, velocities = _split(dataset, "position", "marker"), _split(dataset, "velocity", "marker")
+    releases = _values(dataset, "release_time")
+    names = [str(name) for name in dataset["releasable_stop"].values]
+    return Trajectory(
+        mechanism=Mechanism.from_json(dataset.attrs["mechanism"]),
+        t=np.asarray(dataset["time"].values, dtype=np.float64),
+        q=_values(dataset, "q"),
+        u=_values(dataset, "u"),
+        markers={name: PointMotion(positions[name], velocities[name]) for name in positions},
+        kinetic_energy=_values(dataset, "kinetic_energy"),
+        potential_energy=_values(dataset, "potential_energy"),
+        stop_torques=_split(dataset, "stop_torque", "stop"),
+        release_times={n: None if np.isnan(v) else float(v) for n, v in zip(names, releases, strict=True)},
+        joint_reactions=_split(dataset, "joint_reaction", "joint"),
+        provenance=Provenance(**json.loads(dataset.attrs["provenance"])),
+        joint_gaps=_split(dataset, "joint_gap", "open_joint"),
+        impacts=tuple((float(time), dict(impulses)) for time, impulses in json.loads(dataset.attrs["impacts"])),
+    )
+
+
+def _values(dataset: xr.Dataset, name: str) -> FloatArray:
+    return np.asarray(dataset[name].values, dtype=np.float64)
+
+
+def _split(dataset: xr.Dataset, name: str, dim: str) -> dict[str, FloatArray]:
+    if name not in dataset:
+        return {}
+    values = _values(dataset, name)
+    return {str(label): values[:, i] for i, label in enumerate(dataset[dim].values)}
+
+
+def save(trajectory: Trajectory, path: str | Path) -> None:
+    """Write NetCDF; the file appears whole or not at all.
+
+    Raises:
+        InputError: the folder cannot be written to.
+    """
+    with replacing(path) as temporary:
+        trajectory.to_dataset().to_netcdf(temporary, engine="h5netcdf")
+
+
+def load(path: str | Path) -> Trajectory:
+    """Read a trajectory written by :func:`save`.
+
+    Raises:
+        InputError: the file cannot be read, or holds something else.
+    """
+    import xarray as xr
+
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as dataset:
+            return from_dataset(dataset.load())
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    except (OSError, KeyError, ValueError, TypeError) as error:
+        raise InputError(f"{path} is not a trajectory file: {cast('object', error)}.") from None

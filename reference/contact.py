@@ -1,24 +1,46 @@
-r"""Contacts of the stops at one state: which of them are active, and what an impact does.
+r"""Contacts of the stops: which of them are active, what an impact does, and what follows from every event.
 
-Both are the linear complementarity problem of unilateral constraints. With A = G M^{-1} G^T, the Delassus matrix
-(symmetric, positive semidefinite), and b = G (what the gaps do without the stops),
+At one state both are the linear complementarity problem of unilateral constraints. With A = G M^{-1} G^T, the Delassus
+matrix (symmetric, positive semidefinite), and b = G (what the gaps do without the stops),
 
     0 <= x  complementary to  A x + b >= 0
 
 has x as torques when b are gap accelerations, and as impulses when b are gap speeds (Moreau; Lötstedt 1982).
 It is the optimality condition of min 1/2 x^T A x + b^T x over x >= 0, a non-negative least-squares problem, so
-all stops are decided at once and no order has to be chosen.
+all stops are decided at once and no order of stops is ever chosen.
+
+Between events an integrator moves the machine under a fixed set of closed stops, and locates the events itself. What
+follows from an event is decided here, once for all integrators (:class:`ActiveSet`).
+
+- **Release.** The torque of a closed stop falls through zero: it opens.
+- **Impact** (unilateral law only). The gap of an open stop falls through zero: speeds jump in the metric of the mass
+  matrix with the stop's restitution e. Stops that touch at the same instant take part, active ones included.
+- **No endless bouncing.** For 0 < e < 1 rebounds follow each other ever faster and come to rest at a finite time. A
+  stop met more slowly than `REST_SPEED` does not bounce (e = 0 there): at 1e-6 rad/s a rebound would be some 1e-12
+  rad high. With e = 1 nothing settles, nor should it.
+- **No endless rattling.** Two stops may throw the machine to and fro between them, ever faster, towards an instant
+  that is never reached. Impacts within `TOGETHER` of each other are one: their stops are solved at once, after which
+  none of them closes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import nnls
 
 from ..models.arrays import FloatArray
+from ..models.errors import InputError
+from ..models.problem import Problem, StopLaw
 from .equations import Equations, kkt_matrix
+
+REST_SPEED = 1e-6  # [rad/s]
+TOGETHER = 1e-9  # [s]
+_TOUCHING = 1e-11  # [rad] an open stop with a gap below this takes part in an impact
+_AT_REST = 1e-9  # [rad/s] gap speeds below this are rounding of an impact's solution
+_FITS = 1e-9  # [m], [m/s] how well loops of joints must close at the start
 
 
 def solve_lcp(matrix: FloatArray, offset: FloatArray) -> FloatArray:
@@ -90,3 +112,129 @@ def _response(equations: Equations, q: FloatArray, force: FloatArray) -> FloatAr
     kkt = kkt_matrix(equations.mass_matrix(q), equations.constraint_jacobian(q, ()))
     right = np.concatenate([force, np.zeros(len(kkt) - len(q))])
     return np.asarray(np.linalg.solve(kkt, right)[: len(q)], dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class EventFunction:
+    """A closed stop's torque (release) or an open stop's gap (impact): the event is its downward zero crossing."""
+
+    stop: str
+    closes: bool
+
+
+@dataclass(frozen=True)
+class PostEventState:
+    """A state just after an event (or at the start), and the stops that are active from there on."""
+
+    t: float
+    q: FloatArray
+    u: FloatArray
+    closed: tuple[str, ...]
+
+
+class ActiveSet:
+    """The active set of one problem's stops, and its release times and impacts."""
+
+    def __init__(self, problem: Problem, equations: Equations) -> None:
+        self.problem = problem
+        self.equations = equations
+        self.releases: dict[str, float | None] = {stop.name: None for stop in problem.mechanism.stops}
+        self.impacts: list[tuple[float, dict[str, float]]] = []
+        """Time [s] and impulse of each stop that took part [N m s]."""
+        self._last_impact: dict[str, float] = {}
+        self._restitution = {stop.name: stop.restitution for stop in problem.mechanism.stops}
+
+    def begin(self) -> PostEventState:
+        """The start: an impact if the start speeds drive into a closed stop, and no stop that would have to pull.
+
+        Raises:
+            InputError: a loop of joints does not close at the start, in position or speed.
+        """
+        mechanism = self.problem.mechanism
+        q = np.array(mechanism.start)
+        u = np.array(mechanism.start_speeds or [0.0] * len(q))
+        self._refuse_open_loops(q, u)
+        touching = tuple(stop.name for stop in mechanism.stops if stop.closed)
+        if np.any(self._gap_speeds(touching, q, u) < -_AT_REST):
+            u = self._resolve_impact(0.0, q, u, touching)
+        return self._with_active_contacts(0.0, q, u, touching)
+
+    def event_functions(self, initial: PostEventState) -> tuple[EventFunction, ...]:
+        """Events to be located after a state."""
+        releases = tuple(EventFunction(name, closes=False) for name in initial.closed)
+        if self.problem.stop_law is StopLaw.RELEASE_ONCE:
+            return releases
+        return releases + tuple(
+            EventFunction(name, closes=True) for name in self.releases if name not in initial.closed
+        )
+
+    def after(
+        self, t: float, q: FloatArray, u: FloatArray, closed: Sequence[str], events: Sequence[EventFunction]
+    ) -> PostEventState:
+        """What follows from events at one instant.
+
+        Args:
+            t: when [s].
+            q, u: the state before, shape (n_q,).
+            closed: stops that were active until now.
+            events: those located there; other stops that touch at the same instant are found here.
+        """
+        released = {event.stop for event in events if not event.closes}
+        for name in released:
+            self._note_release(name, t)
+        still_closed = tuple(name for name in closed if name not in released)
+        closing = {event.stop for event in events if event.closes}
+        if not closing:
+            return self._with_active_contacts(t, q, u, still_closed)
+        closing |= self._also_touching(t, q, closed)
+        touching = tuple(name for name in self.releases if name in still_closed or name in closing)
+        return self._with_active_contacts(t, q, self._resolve_impact(t, q, u, touching), touching)
+
+    def _with_active_contacts(self, t: float, q: FloatArray, u: FloatArray, touching: Sequence[str]) -> PostEventState:
+        """The state with those of the touching stops active that neither open nor would have to pull."""
+        speeds = self._gap_speeds(touching, q, u)
+        resting = tuple(name for name, speed in zip(touching, speeds, strict=True) if abs(speed) <= _AT_REST)
+        closed = active_contacts(self.equations, q, u, resting)
+        for name in touching:
+            if name not in closed:
+                self._note_release(name, t)
+        return PostEventState(t, q, u, closed)
+
+    def _resolve_impact(self, t: float, q: FloatArray, u: FloatArray, touching: tuple[str, ...]) -> FloatArray:
+        speeds = self._gap_speeds(touching, q, u)
+        restitution = np.array(
+            [self._restitution[n] if v < -REST_SPEED else 0.0 for n, v in zip(touching, speeds, strict=True)]
+        )
+        after, impulses = resolve_impact(self.equations, q, u, touching, restitution)
+        self.impacts.append((t, impulses))
+        self._last_impact |= {name: t for name, impulse in impulses.items() if impulse > 0}
+        return after
+
+    def _also_touching(self, t: float, q: FloatArray, closed: Sequence[str]) -> set[str]:
+        """Open stops that take part in an impact here: it may drive the machine into them."""
+        return {
+            name
+            for name in self.releases
+            if name not in closed
+            and (
+                abs(float(self.equations.kinematics.gap(name, q))) <= _TOUCHING
+                or t - self._last_impact.get(name, -np.inf) <= TOGETHER
+            )
+        }
+
+    def _gap_speeds(self, names: Sequence[str], q: FloatArray, u: FloatArray) -> FloatArray:
+        return gap_jacobian(self.equations, q, names) @ u
+
+    def _note_release(self, name: str, t: float) -> None:
+        """Only the first opening counts: the throw depends on it."""
+        if self.releases[name] is None and self.problem.mechanism.stop(name).closed:
+            self.releases[name] = t
+
+    def _refuse_open_loops(self, q: FloatArray, u: FloatArray) -> None:
+        residual, speeds = self.equations.loop_residual(q), self.equations.constraint_jacobian(q, ()) @ u
+        if np.any(np.abs(residual) > _FITS) or np.any(np.abs(speeds) > _FITS):
+            worst = f"{np.abs(residual).max():.3g} m and {np.abs(speeds).max():.3g} m/s"
+            names = ", ".join(joint.name for joint in self.problem.mechanism.loop_joints)
+            raise InputError(
+                f"start does not fit the joints that close a loop ({names}): their points stand apart by up to {worst}."
+            )

@@ -13,8 +13,7 @@ from ...models.errors import InputError
 from ...models.kinematics import Kinematics
 from ...models.mechanism import AnyStop, Mechanism, PointStop, Stop
 from ...models.spec import Vector
-from ...reference.consistent import consistent_coordinates
-from ...reference.equations import Equations
+from ...reference.equations import Equations, consistent_coordinates
 
 _STOPS = TypeAdapter[tuple[Stop | PointStop, ...]](tuple[AnyStop, ...])
 

@@ -10,9 +10,8 @@ import numpy as np
 from ...engines.inspection import State
 from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism
-from ...reference.consistent import consistent_coordinates, consistent_speeds
 from ...reference.contact import active_contacts
-from ...reference.equations import Equations
+from ...reference.equations import Equations, consistent_coordinates, consistent_speeds
 
 _SPREAD = 0.5  # [rad or m] of the coordinates about the start
 _SPEED = 1.0  # [rad/s or m/s]

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import scipy
 
@@ -15,9 +15,7 @@ from ...models.errors import InputError
 from ...models.files import write_text
 from ...models.problem import Problem
 from ...models.spec import Spec
-
-if TYPE_CHECKING:
-    from ...models.trajectory import Trajectory
+from ...models.trajectory import Trajectory, load, save
 
 _S = TypeVar("_S", bound=Spec)
 _SOURCES = ("models", "reference", "engines", "comparisons")  # what decides the numbers of a run
@@ -73,8 +71,6 @@ class Store:
         Raises:
             InputError: there is none, or its file is broken.
         """
-        from ...models.dataset import load  # xarray takes a third of a second to import
-
         return load(self.path(model, label))
 
     def keep(self, trajectory: Trajectory, model: str, label: str) -> None:
@@ -83,8 +79,6 @@ class Store:
         Raises:
             InputError: the folder cannot be written to.
         """
-        from ...models.dataset import save
-
         save(trajectory, self.path(model, label))
 
     def record(self, name: str, kind: type[_S]) -> _S | None:

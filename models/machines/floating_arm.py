@@ -12,9 +12,8 @@ from pydantic import Field
 
 from ..mechanism import Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint
 from ..spec import Positive, Spec
-from .hinged import TROUGH
 from .parameters import Angle
-from .trebuchet import COUNTERWEIGHT, PROJECTILE, SLING_PIN, loaded_arm
+from .trebuchet import COUNTERWEIGHT, PROJECTILE, SLING_PIN, TROUGH, loaded_arm
 
 DROP, TRACK = "drop", "track"
 

@@ -12,9 +12,8 @@ from ..mechanism import Mechanism
 from ..spec import Spec
 from .catapult import CatapultParameters, catapult
 from .floating_arm import FloatingArmParameters, floating_arm
-from .hinged import HingedParameters, hinged
 from .parameters import TrebuchetParameters
-from .trebuchet import fixed, rolling
+from .trebuchet import HingedParameters, fixed, hinged, rolling
 
 
 @dataclass(frozen=True)

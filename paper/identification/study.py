@@ -135,7 +135,7 @@ class _Search:
 
     def _launches(self, builds: Sequence[Mechanism], until: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Time [s], phi at the printed release time [deg] and speed [m/s] of launches at 45 deg, each (n,)."""
-        from ...reference.taylor.solve import launch_batch  # heyoka takes a second to import
+        from ...reference.taylor.batch import launch_batch  # heyoka takes a second to import
 
         self.machines += len(builds)
         found = launch_batch(builds, duration=until)

@@ -128,7 +128,7 @@ def launches(machines: Sequence[Mechanism], duration: float, alone: bool = True)
     Raises:
         EngineNotInstalledError: heyoka is not installed, and they may not be solved alone.
     """
-    from ...reference.taylor.solve import launch_batch  # a second to import
+    from ...reference.taylor.batch import launch_batch  # a second to import
 
     try:
         batch = launch_batch(machines, duration=duration)

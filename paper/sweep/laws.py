@@ -24,7 +24,7 @@ from ...models.problem import Problem
 from ...reference.perturbed import solve_scheduled
 from ...reference.solution import Solution
 from ...reference.solver import characteristic_time, solve
-from ...reference.taylor.solve import launch_batch
+from ...reference.taylor.batch import launch_batch
 from .results import EarlyCrossing, RootSearch, WrongZero
 from .rigid_swing import RigidSwing, pendulum
 

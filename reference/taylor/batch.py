@@ -17,7 +17,7 @@ from ...models.errors import InputError
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
-from ..active_set import ActiveSet
+from ..contact import ActiveSet
 from ..equations import Equations
 from .machine import PROJECTILE, Structure, is_launch, numbers_of, relevant_stops, structure_of
 from .system import batch_pool, heyoka, torque_function

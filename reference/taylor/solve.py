@@ -2,7 +2,7 @@
 
 heyoka (Biscani and Izzo, MNRAS 504 (2021) 2614) expands the motion into its Taylor series at every step and finds
 releases, closings and the launch as roots of polynomials. What happens *at* an event is decided by
-:mod:`..active_set`, as for the DOP853 solver. heyoka is optional; it is imported, and a structure of machine
+:mod:`..contact`, as for the DOP853 solver. heyoka is optional; it is imported, and a structure of machine
 compiled, when first needed.
 """
 
@@ -10,27 +10,32 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Literal, cast
 
 import numpy as np
 
+from ...models.arrays import FloatArray
+from ...models.errors import InputError, SimulationError
 from ...models.launch import Launch
+from ...models.mechanism import Marker
 from ...models.problem import Problem
-from ..solution import Solution
-from .batch import BatchLaunches, launch_batch
-from .integrate import Integration, Precision
-from .machine import Real
+from ..contact import ActiveSet, EventFunction, PostEventState
+from ..equations import Equations
+from ..solution import Segment, Solution
+from .machine import PROJECTILE, Real, RealType, is_launch, numbers_of, relevant_stops, structure_of
+from .system import heyoka, scalar_pool, torque_function
 
-__all__ = [
-    "BatchLaunches",
-    "Precision",
-    "TaylorQuantities",
-    "launch_batch",
-    "solve_taylor",
-    "taylor_launch",
-    "taylor_quantities",
-]
+Precision = Literal["double", "extended"]
+
+_REALS: Mapping[str, RealType] = {"double": np.float64, "extended": np.longdouble}
+_COARSEST = 1e-2
+_MAX_EVENTS = 10_000
+_ROUNDING = 1e-12  # [rad] a gap this little off zero may be zero
+_STANDING = 1e-9  # [rad/s] a gap speed below this is rounding
+_CLEAR = 1e-13  # [rad] a gap this wide is clearly open
+_DRIFT = 1e-10  # [rad] how far below zero a gap may be: an active stop, or a rebound too small to be followed
+_OPENING = 1e-4  # [s] by then a gap that opens with the cube of time is some 1e-12 rad wide
 
 
 def solve_taylor(problem: Problem, tolerance: float | None = None, precision: Precision = "double") -> Solution:
@@ -51,7 +56,7 @@ def solve_taylor(problem: Problem, tolerance: float | None = None, precision: Pr
         SimulationError: the motion left the finite numbers, or there are more than ten thousand events.
     """
     started = time.perf_counter()
-    run = Integration(problem, tolerance, precision)
+    run = _Integration(problem, tolerance, precision)
     run.integrate(record=True)
     return Solution(
         problem=problem,
@@ -99,7 +104,7 @@ def taylor_quantities(
     Raises:
         EngineNotInstalledError, InputError, SimulationError: as :func:`solve_taylor`.
     """
-    run = Integration(problem, tolerance, precision)
+    run = _Integration(problem, tolerance, precision)
     run.integrate(to_launch=True)
     found = run.launched
     velocity = None if found is None else run.projectile_velocity(found.q, found.u)
@@ -121,9 +126,275 @@ def taylor_launch(problem: Problem, tolerance: float | None = None) -> Launch | 
     Raises:
         EngineNotInstalledError, InputError, SimulationError: as :func:`solve_taylor`.
     """
-    run = Integration(problem, tolerance, "double")
+    run = _Integration(problem, tolerance, "double")
     run.integrate(to_launch=True)
     if run.launched is None:
         return None
     vx, vy = (float(v) for v in run.projectile_velocity(run.launched.q, run.launched.u))
     return Launch(float(run.launched.time), float(np.hypot(vx, vy)), (vx, vy))
+
+
+@dataclass(frozen=True)
+class _State:
+    """Time, coordinates and speeds between two events, in the precision of the integrator."""
+
+    time: np.floating[Any]
+    q: Real
+    u: Real
+
+
+class _Dense:
+    """heyoka's continuous output, called as SciPy's: times (n,) to states (2 n_q, n), doubles."""
+
+    def __init__(self, start: float, output: Any, real: RealType) -> None:
+        self._starts = [start]
+        self._outputs = [output]
+        self._real = real
+
+    def add(self, start: float, output: Any) -> None:
+        """Go on with another piece from `start` [s]."""
+        self._starts.append(start)
+        self._outputs.append(output)
+
+    def __call__(self, t: FloatArray) -> FloatArray:
+        times = np.atleast_1d(np.asarray(t, dtype=self._real))
+        of = np.searchsorted(self._starts[1:], times, side="right")
+        pieces = [self._outputs[k](times[of == k])[:, :-1].T for k in range(len(self._outputs)) if np.any(of == k)]
+        if len(pieces) == 1 and np.ndim(t) == 0:
+            return np.array(pieces[0][:, 0], dtype=np.float64)
+        states = np.empty((len(pieces[0]), len(times)))
+        for k, piece in zip(np.unique(of), pieces, strict=True):
+            states[:, of == k] = piece
+        return states
+
+
+class _Integration:
+    """The integration of one problem through its events."""
+
+    def __init__(self, problem: Problem, tolerance: float | None, precision: str) -> None:
+        self.real = _real_of(precision)
+        self.tolerance = _checked(tolerance, self.real)
+        self.problem = problem
+        self.equations = Equations(problem.mechanism)
+        self.kinematics = self.equations.kinematics
+        self.active_set = ActiveSet(problem, self.equations)
+        self.n_q = len(problem.mechanism.coordinates)
+        self.stops = relevant_stops(problem)
+        numbers = numbers_of(problem, self.kinematics, self.real)
+        self.structure = structure_of(problem, self.kinematics, numbers != 0)
+        self.numbers = numbers[numbers != 0]
+        self.marker = next((m for m in problem.mechanism.markers if m.name == PROJECTILE), None)
+        self.release_times: dict[str, np.floating[Any] | None] = dict.fromkeys(self.active_set.releases)
+        self.segments: list[Segment] = []
+        self.launched: _State | None = None
+        self.steps = self.order = 0
+        self.begun = self.active_set.begin()
+
+    def integrate(self, record: bool = False, to_launch: bool = False) -> None:
+        """Integrate to the end, or to the launch."""
+        with scalar_pool(self.structure, self.tolerance, self.real).lend() as integrator:
+            initial, n_events = self.begun, 0
+            self._prepare(integrator, initial)
+            while initial.t < self.problem.duration:
+                self._switch(integrator, initial, to_launch)
+                function = self._segment(integrator, initial, record)
+                if function is None:
+                    break
+                initial = self._after(integrator, initial, function)
+                n_events += 1
+                if n_events > _MAX_EVENTS:
+                    raise SimulationError(f"the reference met more than {_MAX_EVENTS} events by t = {initial.t:.6g} s.")
+
+    def start_torques(self) -> dict[str, np.floating[Any]]:
+        """Torque of every stop at the start [N m]."""
+        torques: dict[str, np.floating[Any]] = {name: self.real(0) for name in self.active_set.releases}
+        if self.stops:
+            state = np.concatenate([self.begun.q, self.begun.u]).astype(self.real)
+            parameters = self._parameters(self.begun)[: self.structure.active.stop]
+            values = torque_function(self.structure, self.real)(state, pars=parameters)
+            torques |= dict(zip(self.stops, values, strict=True))
+        return torques
+
+    def projectile_velocity(self, q: Real, u: Real) -> Real:
+        """[m/s], shape (2,), in the precision of the state."""
+        marker = cast("Marker", self.marker)
+        row = self.kinematics.point(marker.body, marker.point)
+        return cast("Real", self.kinematics.velocity(row, cast("FloatArray", q), cast("FloatArray", u)))
+
+    def _parameters(self, initial: PostEventState) -> Real:
+        structure = self.structure
+        parameters = np.zeros(structure.n_parameters, dtype=self.real)
+        parameters[: structure.n_numbers] = self.numbers
+        parameters[structure.active] = [name in initial.closed for name in self.stops]
+        watched = {function.stop for function in self.active_set.event_functions(initial) if function.closes}
+        if structure.closes:
+            parameters[structure.watched] = [name in watched for name in self.stops]
+        return parameters
+
+    def _prepare(self, integrator: Any, initial: PostEventState) -> None:
+        integrator.time = self.real(initial.t)
+        integrator.state[:] = np.concatenate([initial.q, initial.u, [0.0]])
+        self.order = int(integrator.order)
+        self._note_releases(integrator)
+
+    def _switch(self, integrator: Any, initial: PostEventState, to_launch: bool) -> None:
+        integrator.pars[:] = self._parameters(initial)
+        if self.structure.throws:
+            integrator.pars[self.structure.launch] = float(to_launch and self._is_free(initial))
+        if integrator.with_events:
+            integrator.reset_cooldowns()
+
+    def _is_free(self, initial: PostEventState) -> bool:
+        """Whether the projectile's body rests on no stop."""
+        if self.marker is None:
+            return False
+        return all(self.problem.mechanism.stop(name).body != self.marker.body for name in initial.closed)
+
+    def _segment(self, integrator: Any, initial: PostEventState, record: bool) -> EventFunction | None:
+        """Integrate under one active set, to its first event; None at the end or the launch."""
+        if (standing := self._closes_at_once(initial)) is not None:
+            return standing
+        index = self._while_opening(integrator, initial, record)
+        if index is not None and index < len(self.stops):
+            return self._event_function(initial, index)
+        while True:
+            index = self._step_to_event(integrator, initial, self.problem.duration, record)
+            if index is None or (index == len(self.stops) and self._is_launch(integrator)):
+                return None
+            if index < len(self.stops):
+                return self._event_function(initial, index)
+
+    def _step_to_event(self, integrator: Any, initial: PostEventState, until: float, record: bool) -> int | None:
+        """Integrate to the first function that falls through zero, and say which; None if there is none until then."""
+        start = float(integrator.time)
+        result = integrator.propagate_until(self.real(until), c_output=record)
+        self.steps += int(result[3])
+        index = self._event(integrator, int(result[0]))
+        end = until if index is None else float(integrator.time)
+        if record and end > start:
+            self._record(initial, start, end, result[4])
+        return index
+
+    def _record(self, initial: PostEventState, start: float, end: float, output: Any) -> None:
+        last = self.segments[-1] if self.segments else None
+        if last is not None and start > initial.t:  # the same active set goes on
+            cast("_Dense", last.interpolant).add(start, output)
+            self.segments[-1] = replace(last, end=end)
+        else:
+            dense = _Dense(start, output, self.real)
+            self.segments.append(Segment(initial.closed, start, end, cast("Any", dense)))
+
+    def _while_opening(self, integrator: Any, initial: PostEventState, record: bool) -> int | None:
+        """Integrate intervals at whose ends alone gaps that open from zero are checked.
+
+        Such a gap begins with a root (a triple one after a release) amid rounding, which no root finder resolves. One
+        that stands still at zero is checked after ever longer intervals.
+        """
+        waiting = self._opening(initial)
+        watched = integrator.pars[self.structure.watched]
+        watched[list(waiting)] = 0.0
+        while waiting and initial.t < self.problem.duration:
+            k = min(waiting, key=lambda stop: waiting[stop])
+            index = self._step_to_event(integrator, initial, min(initial.t + waiting[k], self.problem.duration), record)
+            if index is not None:
+                return index
+            gap, speed = self._gap(self.stops[k], np.array(integrator.state, dtype=np.float64))
+            if abs(gap) <= _ROUNDING and abs(speed) <= _STANDING and float(integrator.time) < self.problem.duration:
+                waiting[k] *= 4
+                continue
+            del waiting[k]
+            watched[k] = 1.0
+            if gap < _CLEAR / 4 and speed < -_STANDING:  # it has come back, within rounding
+                return k
+        return None
+
+    def _opening(self, initial: PostEventState) -> dict[int, float]:
+        """Open stops whose gap is zero within rounding, and how long each takes to be clearly open, or shut [s]."""
+        state = np.concatenate([initial.q, initial.u])
+        gaps = {w.stop: self._gap(w.stop, state) for w in self.active_set.event_functions(initial) if w.closes}
+        opening = {stop: (gap, v) for stop, (gap, v) in gaps.items() if -_DRIFT <= gap <= _ROUNDING}
+        if not opening:
+            return {}
+        a = self.equations.solve(initial.q, initial.u, initial.closed)[0]
+        found: dict[int, float] = {}
+        for stop, (gap, speed) in opening.items():
+            acceleration = float(
+                self.kinematics.gap_jacobian(stop, initial.q) @ a + self.kinematics.gap_bias(stop, initial.q, initial.u)
+            )
+            found[self.stops.index(stop)] = _time_to_clear(_CLEAR + max(-gap, 0.0), speed, acceleration)
+        return found
+
+    def _gap(self, stop: str, state: FloatArray) -> tuple[float, float]:
+        """Gap and gap speed of a stop [rad, rad/s]."""
+        q, u = state[: self.n_q], state[self.n_q : 2 * self.n_q]
+        return float(self.kinematics.gap(stop, q)), float(self.kinematics.gap_jacobian(stop, q) @ u)
+
+    def _event(self, integrator: Any, outcome: int) -> int | None:
+        """Which event function fell through zero; None at the time limit."""
+        limit = int(heyoka().taylor_outcome.time_limit)
+        if outcome < limit or not np.all(np.isfinite(integrator.state)):
+            raise SimulationError(f"the reference's motion is not finite after t = {float(integrator.time):.6g} s.")
+        return None if outcome == limit else -outcome - 1
+
+    def _event_function(self, initial: PostEventState, index: int) -> EventFunction:
+        stop = self.stops[index]
+        return EventFunction(stop, closes=stop not in initial.closed)
+
+    def _closes_at_once(self, initial: PostEventState) -> EventFunction | None:
+        """A gap that is zero, or a rounding below, on its way down: it never falls through zero from above."""
+        state = np.concatenate([initial.q, initial.u])
+        for function in self.active_set.event_functions(initial):
+            gap, speed = self._gap(function.stop, state)
+            if function.closes and -_DRIFT <= gap <= 0 and speed < -_STANDING:
+                return function
+        return None
+
+    def _is_launch(self, integrator: Any) -> bool:
+        """Whether the velocity passes the launch direction itself, not its opposite, and not from rest."""
+        state = integrator.state.copy()
+        q, u = state[: self.n_q], state[self.n_q : 2 * self.n_q]
+        if not is_launch(integrator.time, self.projectile_velocity(q, u)):
+            return False
+        self.launched = _State(self.real(integrator.time), q, u)
+        return True
+
+    def _after(self, integrator: Any, before: PostEventState, function: EventFunction) -> PostEventState:
+        """Let the active set decide, in doubles; the integrator keeps its own precision but for an impact's jump."""
+        state = np.array(integrator.state, dtype=np.float64)
+        q, u = state[: self.n_q], state[self.n_q : 2 * self.n_q]
+        initial = self.active_set.after(float(integrator.time), q, u, before.closed, [function])
+        integrator.state[self.n_q : 2 * self.n_q] += initial.u - u
+        self._note_releases(integrator)
+        return initial
+
+    def _note_releases(self, integrator: Any) -> None:
+        for name, released in self.active_set.releases.items():
+            if released is not None and self.release_times[name] is None:
+                self.release_times[name] = self.real(integrator.time)
+
+
+def _time_to_clear(height: float, speed: float, acceleration: float) -> float:
+    """How long a gap takes to `height` [rad]; or to shut again, if the rebound does not get as high [s]."""
+    if speed <= _STANDING:
+        return _OPENING
+    if acceleration < 0 and speed**2 < -4 * acceleration * height:  # its top is lower than twice that
+        return -2 * speed / acceleration
+    return min(height / speed, _OPENING)
+
+
+def _real_of(precision: str) -> RealType:
+    if precision not in _REALS:
+        raise InputError(f"precision = {precision!r} is not one of 'double', 'extended'.")
+    real = _REALS[precision]
+    if precision == "extended" and np.finfo(real).eps >= np.finfo(np.float64).eps:
+        raise InputError("precision = 'extended' needs a machine whose long double is longer than a double.")
+    return real
+
+
+def _checked(tolerance: float | None, real: RealType) -> float:
+    least = float(np.finfo(real).eps)
+    if tolerance is None:
+        return least
+    if not least <= tolerance <= _COARSEST:
+        raise InputError(f"tolerance = {tolerance!r} is not between {least:.3g} (the precision's) and {_COARSEST}.")
+    return float(tolerance)

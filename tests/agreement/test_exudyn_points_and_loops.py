@@ -17,8 +17,7 @@ from trebucheck.models.errors import InputError, SimulationError, UnsupportedPro
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.machines.catapult import CatapultParameters, catapult
 from trebucheck.models.machines.floating_arm import FloatingArmParameters, floating_arm
-from trebucheck.models.machines.hinged import HingedParameters, hinged
-from trebucheck.models.machines.trebuchet import ARM_STOP, fixed
+from trebucheck.models.machines.trebuchet import ARM_STOP, HingedParameters, fixed, hinged
 from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.trajectory import Trajectory

@@ -16,7 +16,7 @@ from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.machines.catapult import catapult
 from trebucheck.models.machines.floating_arm import FloatingArmParameters, floating_arm
-from trebucheck.models.machines.hinged import HingedParameters, hinged
+from trebucheck.models.machines.trebuchet import HingedParameters, hinged
 from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.trajectory import Trajectory

@@ -16,7 +16,7 @@ from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.machines.catapult import CatapultParameters, catapult
 from trebucheck.models.machines.floating_arm import FloatingArmParameters, floating_arm
-from trebucheck.models.machines.hinged import HingedParameters, hinged
+from trebucheck.models.machines.trebuchet import HingedParameters, hinged
 from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint, Stop
 from trebucheck.models.problem import Problem
 from trebucheck.models.trajectory import Trajectory

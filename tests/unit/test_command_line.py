@@ -12,7 +12,7 @@ import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
 from trebucheck.comparisons.runs.results import Results
-from trebucheck.models.dataset import load
+from trebucheck.models.trajectory import load
 
 FIELDS = list(tb.TrebuchetParameters.model_fields)
 

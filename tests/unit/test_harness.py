@@ -23,8 +23,8 @@ from trebucheck.comparisons.runs.store import Store
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.tolerances import judge
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.dataset import load, save
 from trebucheck.models.spec import schema_text
+from trebucheck.models.trajectory import load, save
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 

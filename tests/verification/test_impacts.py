@@ -205,7 +205,7 @@ def test_the_law_is_complementary_at_all_times(
 
 
 def test_impacts_are_written_and_read(tmp_path: object) -> None:
-    from trebucheck.models.dataset import load, save
+    from trebucheck.models.trajectory import load, save
 
     problem = tb.Problem(_pendulum(0.5), duration=1.2, stop_law="unilateral")
     trajectory = tb.engine("reference").simulate(problem)

@@ -19,7 +19,8 @@ from hypothesis import given
 from mechanisms import angle_stop, hanging_bob, slider_crank
 from scipy.special import ellipk
 from trebucheck.reference.solver import solve
-from trebucheck.reference.taylor.solve import launch_batch, solve_taylor, taylor_launch, taylor_quantities
+from trebucheck.reference.taylor.batch import launch_batch
+from trebucheck.reference.taylor.solve import solve_taylor, taylor_launch, taylor_quantities
 
 pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
 
