@@ -12,7 +12,7 @@ from functools import cache
 from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 
 import numpy as np
-from pydantic import JsonValue
+from pydantic import Field, JsonValue
 
 from ..models.arrays import FloatArray
 from ..models.errors import (
@@ -23,8 +23,8 @@ from ..models.errors import (
     UnsupportedProblemError,
 )
 from ..models.problem import Problem, StopLaw
+from ..models.spec import Positive, Spec
 from ..models.trajectory import PointMotion, Provenance, Trajectory
-from .options import EngineOptions
 from .study import EngineStudy
 
 _MOST_STEPS = 20_000_000
@@ -113,6 +113,22 @@ def _version_of(package: str) -> str:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
         return _ABSENT
+
+
+class EngineOptions(Spec):
+    """Numerical options of an engine: frozen, validated, recorded with every trajectory.
+
+    Raises:
+        InputError: an option is unknown or outside its range.
+    """
+
+    preset: str = Field(default="tuned", description="the preset these options were made from")
+    timestep: Positive = Field(default=1e-3, le=1.0, description="step size [s]")
+
+    @property
+    def settings(self) -> dict[str, JsonValue]:
+        """Every numerical option by name, as JSON values; without the preset's name."""
+        return self.model_dump(mode="json", exclude={"preset"})
 
 
 class BuiltinEngine(EngineOptions, ABC):

@@ -1,4 +1,4 @@
-"""Exudyn's own mass matrix, forces and constraint Jacobian, and the accelerations and multipliers they give.
+"""Exudyn's own mass matrix, forces and constraint Jacobian, and the accelerations, multipliers and impacts they give.
 
 In Exudyn's redundant coordinates z (x, y, rotation by body), with f the forces and G the Jacobian of joints and stops,
 
@@ -10,17 +10,20 @@ is computed from eight of its Jacobians along the motion, to rounding.
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.linalg import LinAlgError, cholesky, solve_triangular
+from scipy.optimize import nnls
 
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
 from ..contact_events import Contacts
 from .build import System, exu
+from .solver import State
 
 # Central difference of order 8: weights of f(k h) - f(-k h), k = 1..4, over h. A Jacobian is a sum of sines and
 # cosines of rotations; at _TURN [rad] a step the truncation is _TURN^8 / 630 = 1e-15, the rounding 1e-16 / _TURN.
@@ -173,3 +176,38 @@ def solve_constrained(
     except np.linalg.LinAlgError:
         raise SimulationError("exudyn's bodies have no inertia in some direction they can move in.") from None
     return found[:n], scale * found[n:]
+
+
+def resolve_impact(system: System, state: State, restitution: Mapping[str, float]) -> tuple[State, dict[str, float]]:
+    """The state after the impact of all contacts that touch, and the impulse of each [N m s, N s].
+
+    Newton's law with complementarity (Moreau): z'+ = z'- + sum_i p_i r_i, with r_i what a unit impulse on gap i does
+    to the bodies in their joints, and p >= 0 complementary to v+ + e v- >= 0, v the speeds of the gaps.
+
+    Args:
+        system: what moves.
+        state: before.
+        restitution: e of each contact that touches, active ones included.
+
+    Raises:
+        SimulationError: the contacts that touch are not independent of each other.
+    """
+    with matrices(system) as here:
+        here.set(state.coordinates, state.rates)
+        mass, joints = here.mass(), here.jacobian(())
+        rows = np.array([-system.constraints[name].sense * here.stop_row(name) for name in restitution])
+        still = np.zeros(len(joints))
+        responses = np.array([solve_constrained(mass, joints, row, still)[0] for row in rows])
+    coefficients = np.array(list(restitution.values()))
+    impulses = _impulses(rows @ responses.T, (1.0 + coefficients) * (rows @ state.rates))
+    after = replace(state, rates=state.rates + impulses @ responses)
+    return after, dict(zip(restitution, impulses.tolist(), strict=True))
+
+
+def _impulses(matrix: FloatArray, speeds: FloatArray) -> FloatArray:
+    """The p >= 0 complementary to matrix p + speeds >= 0: with matrix = L L^T, the p of least |L^T p + L^-1 speeds|."""
+    try:
+        lower = cholesky(matrix, lower=True)
+    except LinAlgError:
+        raise SimulationError("exudyn's impact has no solution of its own: stops that touch are redundant.") from None
+    return nnls(lower.T, -solve_triangular(lower, speeds, lower=True))[0]

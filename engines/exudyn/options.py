@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from ...models.spec import Positive, Real
-from ..options import EngineOptions
+from ..protocol import EngineOptions
 
 _Tolerance = Annotated[Real, Field(gt=0, le=1e-2)]
 

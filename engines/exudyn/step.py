@@ -9,7 +9,7 @@ step's length squared times an eighth of the gap's acceleration.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,14 +20,14 @@ from ...models.problem import Problem, StopLaw
 from ..contact_events import SAME_TIME, ContactEvents, Contacts, active_contacts, resting
 from ..protocol import Recording
 from .build import build, silence
-from .constraints import Values, gap, gap_acceleration, gap_speed
-from .impact import resolve_impact
+from .constraints import Spring, Values, gap, gap_acceleration, gap_speed
+from .matrices import Matrices, matrices, resolve_impact, solve_constrained
 from .options import ExudynOptions
 from .read import Reader, recording
 from .solver import Balance, Solver, State
-from .springs import springs
 
 _WHOLE = 1e-6  # of a step: so near to a whole number of steps, it is one
+_DIGITS = 1e-4  # of the largest torque: the rounding error of a spring's must be smaller
 _RESOLVED = 1e-13  # [s] rounding of a torque over its slope
 _MOST_PROBES = 12  # a torque is nearly linear within a step: four are enough
 
@@ -95,7 +95,7 @@ class _Motion:
 
     def _replace_by_springs(self, state: State, active: Contacts, stiffness: float) -> None:
         """Go on with springs in place of the constraints that push at the start."""
-        found = springs(self.solver, state, active, stiffness, self.options.stop_damping_ratio)
+        found = _springs(self.solver, state, active, stiffness, self.options.stop_damping_ratio)
         self.system = build(self.mechanism, found)
         self.solver = Solver(self.system, self.options)
 
@@ -285,3 +285,56 @@ class _UnilateralMotion(_Motion):
     def _torques(self, reader: Reader) -> dict[str, FloatArray]:
         """Of all stops: the multiplier of one that is open is zero."""
         return {name: reader.torque(name, None) for name in self.events.releases}
+
+
+def _springs(
+    solver: Solver, state: State, active: Contacts, stiffness: float, damping_ratio: float
+) -> dict[str, Spring]:
+    """A spring for each stop that pushes at a state, in balance there.
+
+    Without the preload a spring would carry no torque at the start, and the torque would then oscillate between zero
+    and twice its value at rest.
+
+    Args:
+        solver: of the same mechanism with its stops as constraints.
+        state: the start.
+        active: stops that push there.
+        stiffness: of each spring [N m/rad, or N/m on a point].
+        damping_ratio: of each spring, with the inertia that the stop carries at the start; 1 is critical.
+
+    Raises:
+        InputError: so stiff a spring would turn the rounding of angles or positions into forces that matter.
+    """
+    row = solver.balance(state, active).row
+    torques = {name: solver.torque(row, name) for name in active}
+    for name in active:
+        _refuse_noise(solver, row, stiffness, name, torques)
+    with matrices(solver.system) as here:
+        here.set(state.coordinates, state.rates)
+        inertias = {name: _inertia(here, name) for name in active}
+    return {
+        name: Spring(stiffness, 2 * damping_ratio * math.sqrt(stiffness * inertias[name]), torques[name])
+        for name in active
+    }
+
+
+def _refuse_noise(solver: Solver, row: FloatArray, stiffness: float, name: str, torques: Mapping[str, float]) -> None:
+    """Refuse a stiffness that turns the rounding of angles or positions into a torque or force that matters."""
+    mechanism, stop = solver.system.mechanism, solver.system.mechanism.stop(name)
+    largest = max(t for other, t in torques.items() if mechanism.stop(other).force_unit == stop.force_unit)
+    rounding = solver.system.constraints[name].rounding(solver.values(row))
+    most = _DIGITS * largest / rounding
+    if 0 < most < stiffness:
+        unit, what = stop.force_unit, "angles" if stop.effort == "torque" else "a point's place"
+        raise InputError(
+            f"stop_stiffness = {stiffness:g} {unit}/{stop.gap_unit} would turn the rounding of {what} into a "
+            f"{stop.effort} of {stiffness * rounding:.2g} {unit}, of {largest:.3g} {unit} in the stops; at most "
+            f"{most:.2g} is resolved."
+        )
+
+
+def _inertia(here: Matrices, stop: str) -> float:
+    """Torque (or force) on a stop's gap that opens it at 1 rad/s^2 (or 1 m/s^2), the others open [kg m^2, kg]."""
+    joints, row = here.jacobian(()), here.stop_row(stop)
+    opened, _ = solve_constrained(here.mass(), joints, row, np.zeros(len(joints)))
+    return 1.0 / float(row @ opened)

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from ...models.spec import NonNegative, Real
-from ..options import EngineOptions
+from ..protocol import EngineOptions
 from ..study import ConstraintKinds
 
 _Impedance = Annotated[Real, Field(ge=1e-4, le=0.9999)]

@@ -18,6 +18,7 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass, field
 
+import numpy as np
 import pymunk
 from pymunk import constraints
 
@@ -73,6 +74,16 @@ class Assembly:
     def bodies(self) -> list[pymunk.Body]:
         """Engine bodies in the order of the mechanism's."""
         return [self.parts[body.name].body for body in self.mechanism.bodies]
+
+    @property
+    def rates(self) -> FloatArray:
+        """Velocities and angular velocities of the bodies, shape (n_bodies, 3); can be set."""
+        return np.array([[*body.velocity, body.angular_velocity] for body in self.bodies])
+
+    @rates.setter
+    def rates(self, rates: FloatArray) -> None:
+        for body, (x, y, spin) in zip(self.bodies, rates.tolist(), strict=True):
+            body.velocity, body.angular_velocity = (x, y), spin
 
 
 @dataclass(frozen=True)

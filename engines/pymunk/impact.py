@@ -20,8 +20,8 @@ from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ..contact_events import Contacts, active_contacts, resting
 from .build import Assembly, build
-from .forces import forces_of
-from .velocity_increment import STEP, reading_of, set_rates, settled_increment
+from .leapfrog import STEP, settled_increment
+from .read import forces_of, reading_of
 
 _ROUNDING = 1e-9  # of the speeds, or of the largest impulse: error of converged impulses where they should be zero
 
@@ -108,13 +108,13 @@ def _set_target(joint: constraints.Constraint, restitution: float) -> None:
 
 def _impulses(assembly: Assembly, increment: FloatArray, active: Contacts) -> dict[str, float]:
     """Of the contacts that take part: what the change of momentum needs with the assembly at rest."""
-    set_rates(assembly, np.zeros_like(increment))
+    assembly.rates = np.zeros_like(increment)
     found = forces_of(reading_of(assembly, increment), active).torques
     return {name: float(found[name][0]) for name in active}
 
 
 def _speeds_after(assembly: Assembly, increment: FloatArray) -> FloatArray:
     """Generalized speeds: those before, and the bodies' change of velocity in the mechanism's coordinates."""
-    set_rates(assembly, increment)
+    assembly.rates = increment
     change = reading_of(assembly).coordinates()[1][0]
     return np.asarray(initial_state(assembly.mechanism)[1] + change, dtype=np.float64)

@@ -23,10 +23,9 @@ from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import GROUND, Mechanism, PinJoint, PointStop, Stop
 from ..inspection import Dynamics, Inspection, State
 from .build import Assembly, Rod, build
-from .forces import forces_of
+from .leapfrog import STEP, settled_increment
 from .options import PymunkOptions
-from .read import Reading
-from .velocity_increment import STEP, reading_of, settled_increment
+from .read import Reading, forces_of, reading_of
 
 
 def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkOptions) -> Inspection:

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from ...models.spec import Positive, Real
-from ..options import EngineOptions
+from ..protocol import EngineOptions
 
 
 class PymunkOptions(EngineOptions):

@@ -14,10 +14,9 @@ from ...models.mechanism import Mechanism
 from ..contact_events import Contacts, active_contacts
 from ..protocol import Recording
 from .build import build
-from .forces import forces_of
 from .leapfrog import Stepper
 from .options import PymunkOptions
-from .read import Reading, as_vectors, samples_of
+from .read import Reading, as_vectors, forces_of, samples_of
 
 _TRIAL_ITERATIONS = 5_000  # which stops push depends on the mechanism, not on the preset
 _ROUNDING = 1e-9  # of the largest torque: error of a torque that is zero
