@@ -63,9 +63,9 @@ def throw_command(
     trebucheck throw --model rolling --sensitivities
     """
     from ..comparisons.throw.report import document
-    from ..comparisons.throw.study import sensitivities_of
     from ..models.files import refuse_unwritable
     from ..models.machines.parameters import TrebuchetParameters
+    from ..reference.throw.sensitivity import sensitivities_of
     from ..reference.throw.throw import perform
 
     chosen = options.parameters(assignments, beam)

@@ -20,7 +20,7 @@ from ..models.spec import Spec
 from ..models.trajectory import Trajectory
 from .inspection import Inspectable, Inspection, State
 from .protocol import Capabilities, Engine, Simulator
-from .study import EngineStudy
+from .study import Cause, ConstraintKinds, EngineStudy
 
 PLUGIN_GROUP = "trebucheck.engines"
 """Entry-point group in which another package announces an engine class."""
@@ -85,6 +85,23 @@ def engine_study(name: str) -> EngineStudy:
     except InputError:
         return EngineStudy()
     return cast("EngineStudy", study())
+
+
+def causes_of(engine: Engine, mechanism: Mechanism | None = None) -> tuple[Cause, ...]:
+    """Causes that an engine with these options may have, in the order in which they are best taken out.
+
+    Nothing is run. A cause whose options are already set as its removal would set them is left out. Of an engine
+    without a table (a plug-in) only the time step is known, if it has one.
+
+    Args:
+        mechanism: that it moves: some causes are there only where points are held, by stops or by loops of joints.
+    """
+    settings = engine.settings
+    every = engine_study(engine.name).causes(settings, ConstraintKinds.of(mechanism))
+    ways = ((cause, (cause.removal, cause.scaling)) for cause in every)
+    found = [cause for cause, both in ways if any(way is not None and way.changes(settings) for way in both)]
+    names = {cause.name for cause in found}
+    return tuple(dataclasses.replace(cause, after=tuple(n for n in cause.after if n in names)) for cause in found)
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,30 @@ class Intervention:
     leaves: float = 0.0
     """What is left of the cause's error: 0 if it is taken out, 2 if it is doubled."""
 
+    def changes(self, settings: Options) -> bool:
+        """Whether it does anything to a run with these settings."""
+        reads = self.own_kinematics or self.filtered_torques or self.point_inertia is not None
+        return reads or any(not same_value(settings.get(name), value) for name, value in self.options.items())
+
+    def described(self, settings: Options) -> str:
+        """What is done to a run with these settings, in one line."""
+        parts = [
+            f"{name} {_format_option(settings.get(name))} → {_format_option(value)}"
+            for name, value in self.options.items()
+            if not same_value(settings.get(name), value)
+        ]
+        if self.point_inertia is not None:
+            parts.append(f"point masses given an inertia of {self.point_inertia:g} kg m²")
+        if self.own_kinematics:
+            parts.append("read from the coordinates instead")
+        if self.filtered_torques:
+            parts.append("torques passed through a filter that stops what alternates from step to step")
+        if 0 < self.leaves < 1:
+            parts.append(f"which leaves {self.leaves:.3g} of it")
+        elif self.leaves:
+            parts.append(f"which makes it {self.leaves:g} times as large")
+        return ", ".join(parts)
+
 
 @dataclass(frozen=True)
 class Cause:
@@ -255,6 +279,14 @@ class EngineStudy:
 def same_value(a: JsonValue, b: JsonValue) -> bool:
     """Whether two values of an option are equal; JSON makes no difference between tuples and lists."""
     return a == b or (isinstance(a, list | tuple) and isinstance(b, list | tuple) and list(a) == list(b))
+
+
+def _format_option(value: JsonValue) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list | tuple):
+        return "(" + ", ".join(_format_option(part) for part in value) + ")"
+    return "unset" if value is None else str(value)
 
 
 def filled_template(module: str, name: str, **values: Any) -> str:

@@ -21,14 +21,12 @@ from ...reference.solution import Solution
 from ..diagnosis.model import check_and_diagnose
 from ..diagnosis.motion import diagnose_motion
 from ..report.numbers import format_number
-from ..runs.metrics import measure
-from ..runs.pairs import Compared, pair_of
+from ..runs.metrics import Compared, measure, pair_of
 from ..runs.results import Diagnosis, Equality, Machine, Outcome, Pair, Results, Run
-from ..runs.runner import Runner, failure
+from ..runs.runner import Runner, Worker, failure
 from ..runs.store import Store, code_digest, digest
 from ..runs.study import PRESETS, Study
 from ..runs.tolerances import is_table_one, judge
-from ..runs.worker import Worker
 
 _K = TypeVar("_K")
 _V = TypeVar("_V")

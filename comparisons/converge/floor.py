@@ -1,4 +1,4 @@
-"""What sets a floor: decided by turning every other knob by one notch, there, and looking which one moves it."""
+"""What sets an accuracy floor: decided by refining every other parameter once there, to see which lowers it."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from ...reference.certification.certificate import REFUSED_BELOW
 from ..report.numbers import format_number
 from .results import Floor
 
-MOVED = 0.8
-"""A notch that leaves less than this of an error has moved it: the smallest notch, a halving at first order, leaves
-0.5, and 0.8 where only two fifths of the error are of its making."""
-_TOLD = 3  # notches in the evidence
+LOWERED = 0.8
+"""A refinement that leaves less than this share of an error has lowered it: the smallest one, a halving at first order,
+leaves 0.5, and 0.8 where only two fifths of the error are of its making."""
+_NAMED = 3  # refinements in the evidence
 GROWN = 1.5
 """An error this many times the floor, at a finer value, is one that grows."""
 
@@ -52,7 +52,7 @@ class Site:
 
     engine: str
     settings: Options
-    turned: Sequence[str]
+    swept: Sequence[str]
     error: float
     value: float | None
     measure: Callable[[dict[str, Any]], float | None]
@@ -62,7 +62,7 @@ class Site:
 
 
 def floor(site: Site, uncertainty: float, finer: Sequence[tuple[float, float]] = ()) -> Floor:
-    """Decide what sets an error that the study's own knob does not lower.
+    """Decide what sets an error that the swept parameter does not lower.
 
     Args:
         site: where, and how errors are measured there.
@@ -78,24 +78,26 @@ def floor(site: Site, uncertainty: float, finer: Sequence[tuple[float, float]] =
             "the reference's uncertainty", f"it is known to {format_number(uncertainty)}, a tenth of this or more"
         )
     grown = [(value, error) for value, error in finer if error >= GROWN * site.error]
-    if grown and site.value is not None and "timestep" in site.turned:
+    if grown and site.value is not None and "timestep" in site.swept:
         value, error = grown[-1]
         power = math.log(error / site.error) / math.log(value / site.value)
         return because("rounding", f"grows again as the step h shrinks, as h^{power:.1f} to {format_number(value)} s")
-    return because(*_moved_most(site))
+    return because(*_lowered_most(site))
 
 
-def _moved_most(site: Site) -> tuple[str, str]:
+def _lowered_most(site: Site) -> tuple[str, str]:
     left: list[tuple[float, Refinement]] = []
-    for refinement, change in refinements(site.engine, site.settings, site.turned, site.constraints):
+    for refinement, change in refinements(site.engine, site.settings, site.swept, site.constraints):
         try:
             error = site.measure(change)
         except InputError:
             continue  # finer than the engine takes
         if error is not None:
             left.append((error / site.error, refinement))
-    moved = sorted(((share, refinement) for share, refinement in left if share <= MOVED), key=lambda found: found[0])
-    if not moved:
+    lowered = sorted(
+        ((share, refinement) for share, refinement in left if share <= LOWERED), key=lambda found: found[0]
+    )
+    if not lowered:
         return "not found", f"none of {len(left)} other knobs, turned one notch, lowers it by a fifth"
-    told = "; ".join(f"{refinement.description} leaves {share:.2g}" for share, refinement in moved[:_TOLD])
-    return moved[0][1].cause, told
+    told = "; ".join(f"{refinement.description} leaves {share:.2g}" for share, refinement in lowered[:_NAMED])
+    return lowered[0][1].cause, told

@@ -9,22 +9,22 @@ from typing import Any
 import numpy as np
 
 from ...engines.protocol import Engine
-from ...engines.registry import engine, engine_class
-from ...engines.study import ConstraintKinds, SweptParameter
+from ...engines.registry import engine, engine_class, engine_names, engine_study
+from ...engines.study import ConstraintKinds, StepOrder, SweptParameter
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
 from ...reference.certification.certificate import Uncertainties, reference_uncertainty
-from ..runs.deviation import Deviation
 from ..runs.study import Counter, Study
-from ..runs.trials import Trial, Trials
-from .fit import power_law
+from ..runs.trials import Deviation, Trial, Trials
 from .floor import Site, floor
-from .parameters import swept_parameters
+from .orders import Extrapolated, Level, fitting, largest, limit, power_law
 from .results import Curve, Floor, Limit, LimitPair, MachineStudies, Point, PowerLaw, QuantityName, Studies
 from .results import Study as ParameterStudy
-from .richardson import Extrapolated, Level, fitting, largest, limit
 
 _QUANTITIES: tuple[QuantityName, ...] = ("position", "torque")
+_STEPS = tuple(1e-2 / 2**k for k in range(8))  # 1e-2 to 7.8e-5 s: two decades and a little
+_STOCK_STEPS = _STEPS[:6]  # down to 3e-4 s: finer ones are no newcomer's, and cost the most
+_UNKNOWN = StepOrder(None, "the order of a plug-in is not known beforehand")
 
 
 def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
@@ -33,13 +33,13 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
     Args:
         study: mechanisms, engines (all known ones but the reference if None; those not installed are listed as
             absent), and how they are run. Its presets and options are not used: each swept parameter has its own.
-        chosen: names of swept parameters (:func:`.parameters.parameter_names`); all if left out.
+        chosen: names of swept parameters (:func:`parameter_names`); all if left out.
 
     Raises:
         InputError: a name or value is not valid, or there is nothing to do. A failed run is a failed point.
     """
     absent, plan = _plan(study.measured_engines, chosen)
-    count = Counter(len(study.mechanisms) * sum(len(knob.values) for _, knob in plan), study.progress)
+    count = Counter(len(study.mechanisms) * sum(len(parameter.values) for _, parameter in plan), study.progress)
     machines: list[MachineStudies] = []
     with study.worker() as worker:
         for mechanism in study.mechanisms:
@@ -47,16 +47,48 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
     return Studies.made_here(machines=tuple(machines))
 
 
+def _timestep(engine: str, preset: str) -> SweptParameter:
+    expected = engine_study(engine).step_orders.get(preset, _UNKNOWN)
+    return SweptParameter(
+        name="timestep", title="time step h", unit="s", options=lambda h: {"timestep": h},
+        values=_STEPS if preset == "tuned" else _STOCK_STEPS, expected=expected.order, why=expected.reason,
+        preset=preset, repeats=3,
+    )  # fmt: skip
+
+
+def parameter_names() -> tuple[str, ...]:
+    """What `--knobs` can ask for."""
+    own = [parameter.name for name in engine_names() for parameter in engine_study(name).swept_parameters]
+    return tuple(dict.fromkeys(["timestep", *own]))
+
+
+def swept_parameters(name: str, names: list[str] | None = None) -> list[SweptParameter]:
+    """Every swept parameter of an engine, or those asked for, without those whose options its version does not have.
+
+    Raises:
+        InputError: there is no such engine or parameter.
+    """
+    for chosen in names or ():
+        if chosen not in parameter_names():
+            raise InputError(f"there is no knob {chosen!r}; there are: {', '.join(parameter_names())}.")
+    presets = [preset for preset in ("tuned", "stock") if preset in engine_class(name).presets()]
+    options = set(engine(name, "tuned").settings)
+    own = [parameter for parameter in engine_study(name).swept_parameters if parameter.requires <= options]
+    every = [*(_timestep(name, preset) for preset in presets), *own]
+    return [parameter for parameter in every if names is None or parameter.name in names]
+
+
 _Plan = list[tuple[str, SweptParameter]]
 
 
 def _plan(names: Sequence[str], chosen: Sequence[str] | None) -> tuple[list[str], _Plan]:
     """Engines that are not installed, and every parameter to be swept of those that are."""
-    every = [(name, knob) for name in names for knob in swept_parameters(name, list(chosen) if chosen else None)]
+    wanted = list(chosen) if chosen else None
+    every = [(name, parameter) for name in names for parameter in swept_parameters(name, wanted)]
     if not every:
         raise InputError(f"none of the engines {', '.join(names)} has any of the knobs {', '.join(chosen or ())}.")
     absent = [name for name in names if not engine_class(name).is_installed()]
-    return absent, [(name, knob) for name, knob in every if name not in absent]
+    return absent, [(name, parameter) for name, parameter in every if name not in absent]
 
 
 def _machine(trials: Trials, plan: _Plan, absent: list[str], count: Counter) -> MachineStudies:
@@ -65,8 +97,8 @@ def _machine(trials: Trials, plan: _Plan, absent: list[str], count: Counter) -> 
     uncertainty: dict[QuantityName, float] = {quantity: _uncertainty(known, quantity) for quantity in _QUANTITIES}
     studies: list[ParameterStudy] = []
     limits: dict[str, Extrapolated] = {}
-    for name, knob in plan:
-        sweep = _Sweep(trials, uncertainty, name, knob, count)
+    for name, parameter in plan:
+        sweep = _Sweep(trials, uncertainty, name, parameter, count)
         studies.append(sweep.study())
         limit = sweep.limit()
         if limit is not None:
@@ -89,31 +121,36 @@ class _Sweep:
     """One parameter of an engine, taken through its values on one machine."""
 
     def __init__(
-        self, trials: Trials, uncertainty: dict[QuantityName, float], name: str, knob: SweptParameter, count: Counter
+        self,
+        trials: Trials,
+        uncertainty: dict[QuantityName, float],
+        name: str,
+        parameter: SweptParameter,
+        count: Counter,
     ) -> None:
-        self.machine, self.uncertainty, self.name, self.knob = trials, uncertainty, name, knob
-        self.of_step = "timestep" in knob.options(knob.values[0])
-        self.without = None if knob.without is None else self.trial(knob.without, 1)
+        self.machine, self.uncertainty, self.name, self.parameter = trials, uncertainty, name, parameter
+        self.of_step = "timestep" in parameter.options(parameter.values[0])
+        self.without = None if parameter.without is None else self.trial(parameter.without, 1)
         self.trials: list[Trial | None] = []
         """One a value; None where the engine refused the options."""
         self.points: list[Point] = []
         events = [time for time in trials.solution.release_times.values() if time is not None]
-        for value in knob.values:
-            count.start(f"{trials.mechanism.name}: {name} {knob.preset} {knob.name}")
+        for value in parameter.values:
+            count.start(f"{trials.mechanism.name}: {name} {parameter.preset} {parameter.name}")
             self._measure(fitting(value, trials.end, events) if self.of_step else value)
 
     def _measure(self, value: float) -> None:
         try:
-            trial = self.trial(self.knob.options(value), self.knob.repeats)
+            trial = self.trial(self.parameter.options(value), self.parameter.repeats)
             message = trial.message
         except InputError as error:
             trial, message = None, str(error)
         self.trials.append(trial)
-        self.points.append(_point(value, self.knob, trial, message, self.without))
+        self.points.append(_point(value, self.parameter, trial, message, self.without))
 
     def engine(self, options: Mapping[str, Any]) -> Engine:
         """With the sweep's fixed options and these over them."""
-        return engine(self.name, self.knob.preset, **{**self.knob.base, **options})
+        return engine(self.name, self.parameter.preset, **{**self.parameter.base, **options})
 
     def trial(self, options: Mapping[str, Any], repeats: int) -> Trial:
         """Of the engine with these options."""
@@ -124,14 +161,14 @@ class _Sweep:
         return ParameterStudy(
             engine=self.name,
             engine_version=engine_class(self.name).version(),
-            preset=self.knob.preset,
-            knob=self.knob.name,
-            title=self.knob.title,
-            unit=self.knob.unit,
-            base=dict(self.knob.base),
+            preset=self.parameter.preset,
+            knob=self.parameter.name,
+            title=self.parameter.title,
+            unit=self.parameter.unit,
+            base=dict(self.parameter.base),
             settings=next((trial.settings for trial in self.trials if trial is not None), {}),
-            expected=self.knob.expected,
-            why=self.knob.why,
+            expected=self.parameter.expected,
+            why=self.parameter.why,
             own=self.without is not None,
             points=tuple(self.points),
             curves=tuple(self.curve(quantity) for quantity in _QUANTITIES),
@@ -150,7 +187,7 @@ class _Sweep:
     def _floor_without(self, quantity: QuantityName) -> Floor | None:
         """What sets the error that is left with the parameter's own error taken out."""
         left = None if self.without is None else _whole(self.without, quantity)
-        return None if left is None else self.floor(self.knob.without or {}, quantity, (None, left))
+        return None if left is None else self.floor(self.parameter.without or {}, quantity, (None, left))
 
     def _floor_along(
         self, quantity: QuantityName, law: PowerLaw | None, ran: Sequence[tuple[float, float]]
@@ -161,7 +198,7 @@ class _Sweep:
         if len(beyond) < (1 if law is None else 2) or _still_falls(ran):
             return None
         at = beyond[-1] if law is None else min(beyond, key=lambda point: point[1])
-        return self.floor(self.knob.options(at[0]), quantity, at, beyond[beyond.index(at) + 1 :])
+        return self.floor(self.parameter.options(at[0]), quantity, at, beyond[beyond.index(at) + 1 :])
 
     def floor(
         self,
@@ -176,13 +213,16 @@ class _Sweep:
             return _whole(self.trial({**options, **change}, 1), quantity)
 
         value, error = at
-        swept, constraints = tuple(self.knob.options(self.knob.values[0])), ConstraintKinds.of(self.machine.mechanism)
+        swept, constraints = (
+            tuple(self.parameter.options(self.parameter.values[0])),
+            ConstraintKinds.of(self.machine.mechanism),
+        )
         site = Site(self.name, self.engine(options).settings, swept, error, value, measure, constraints)
         return floor(site, self.uncertainty[quantity], finer)
 
     def limit(self) -> Extrapolated | None:
         """Of a sweep of the time step with the preset's other options."""
-        if not self.of_step or self.knob.base:
+        if not self.of_step or self.parameter.base:
             return None
         return limit(
             [
@@ -217,9 +257,9 @@ def _whole(trial: Trial, quantity: QuantityName) -> float | None:
 
 
 def _point(
-    value: float, knob: SweptParameter, trial: Trial | None, message: str | None, without: Trial | None
+    value: float, parameter: SweptParameter, trial: Trial | None, message: str | None, without: Trial | None
 ) -> Point:
-    options: dict[str, Any] = dict(knob.options(value))
+    options: dict[str, Any] = dict(parameter.options(value))
     if trial is None or trial.deviation is None:
         return Point(value=value, options=options, message=message)
     base = without.deviation if without is not None else None

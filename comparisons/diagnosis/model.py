@@ -15,10 +15,9 @@ from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism
 from ...reference.equations import Equations
 from ...reference.perturbed import WithJoint, WithoutCentrifugal
-from ..equivalence.checks import EXACT, Expected, check_model, expected, gap_errors, scaled_differences
-from ..equivalence.random_states import random_states
+from ..equivalence.checks import EXACT, Expected, check_model, expected, gap_errors, random_states, scaled_differences
 from ..runs.results import Cause, Diagnosis, Equality
-from .fit import Match, match
+from .signatures import Match, match
 from .suspects import machine_suspects, wall_suspects
 
 _NAMED = 6  # suspects that are kept

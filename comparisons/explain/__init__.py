@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
+from ...engines.registry import causes_of
 from ...engines.study import Cause, Intervention
-from .causes import causes_of
 
 __all__ = ["Cause", "Intervention", "causes_of"]

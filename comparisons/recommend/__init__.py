@@ -1,7 +1,6 @@
 """Which settings reach a wanted accuracy: measured, on the machine and on others of its kind."""
 
-from .results import Advice, EngineAdvice
+from .results import Advice, Asked, EngineAdvice
 from .study import recommend
-from .target import Asked
 
 __all__ = ["Advice", "Asked", "EngineAdvice", "recommend"]

@@ -3,16 +3,40 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, JsonValue
+from pydantic import Field, JsonValue, model_validator
 
 from ...models.mechanism import Mechanism
-from ...models.spec import Real, Spec
+from ...models.spec import Positive, Real, Spec
 from ..runs.results import ResultFile
-from .target import Asked
 
 FORMAT = "trebucheck-recommend-1"
+
+
+class Asked(Spec):
+    """Errors that must not be exceeded; None: anything will do.
+
+    Raises:
+        InputError: nothing is asked, a value is not positive and finite, or the torque is asked for in two ways.
+    """
+
+    position: Positive | None = Field(default=None, description="distance of the projectile at any sample [m]")
+    torque: Positive | None = Field(
+        default=None, description="of any stop's torque at any sample [N m, or N on points]"
+    )
+    torque_share: Positive | None = Field(
+        default=None, description="the same, as a share of the largest stop torque of each machine's own reference"
+    )
+    release: Positive | None = Field(default=None, description="of any stop's release [s]")
+
+    @model_validator(mode="after")
+    def _asks_for_something(self) -> Self:
+        if all(value is None for value in (self.position, self.torque, self.torque_share, self.release)):
+            raise ValueError("nothing is asked; at least one of position, torque and release must be given")
+        if self.torque is not None and self.torque_share is not None:
+            raise ValueError("torque is asked in N m and as a share; only one of them can be given")
+        return self
 
 
 class Obstacle(StrEnum):

@@ -2,6 +2,10 @@
 
 A set of options is first run at one moderate step on the machine and all its neighbours. The neighbours on which it
 did worst go on with it: at every further step the machine and these must reach what is asked.
+
+For each engine there are a few sets of options from plain to tuned, and a ladder of time steps. A set adds to the one
+before it what changes most. How much each change buys is measured, not assumed: the order here only decides which of
+two equally quick sets is recommended, the plainer one.
 """
 
 from __future__ import annotations
@@ -9,16 +13,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
+from ...engines.protocol import Engine
+from ...engines.registry import engine, engine_class, engine_study
 from ...engines.study import OptionSet
-from ..runs.trials import Trial, Trials
-from .candidates import configured
-from .results import Errors
-from .target import Asked, errors_of, largest_torque, unit_of
+from ..runs.trials import Trial
+from .target import Case
 
+RUNGS = 8
+# Of the machine's characteristic time. At twice this step even the best sets are not yet in the range where their
+# errors follow the order, and one machine says little of another.
+_LONGEST = 1 / 150
 SCREENED_AT = 1
 """Index of the time step at which all neighbours are run, of the steps tried."""
 HARDEST = 6
@@ -35,37 +42,33 @@ _REPEATS = 3
 _TIE = 1.2  # times of runs of some 10 ms repeat no better than to this factor
 
 
-@dataclass(frozen=True)
-class Case:
-    """A machine with its trials and its accuracy target."""
+def option_sets(name: str) -> tuple[OptionSet, ...]:
+    """Of an engine, from plain to tuned; its presets where its study has none."""
+    presets = engine_class(name).presets()
+    return engine_study(name).option_sets or tuple(
+        OptionSet(preset, f"its preset {preset!r}", preset) for preset in sorted(presets)
+    )
 
-    trials: Trials
-    asked: Asked
 
-    @cached_property
-    def allowed(self) -> dict[str, float]:
-        """Largest error allowed, by quantity."""
-        return self.asked.on(self.trials.solution, self.trials.end)
+def configured(name: str, options: OptionSet, step: float) -> Engine:
+    """An engine with the options of a set at a time step [s]."""
+    return engine(name, options.preset, **options.all_options(step))
 
-    def unit(self, quantity: str) -> str:
-        """Of a quantity, on this machine."""
-        return unit_of(quantity, self.trials.mechanism)
 
-    def errors(self, trial: Trial) -> dict[str, float]:
-        """By quantity; infinite where the run failed."""
-        return errors_of(trial, self.trials.solution, self.trials.end)
+def ladder(characteristic_time: float) -> tuple[float, ...]:
+    """Time steps of 1, 2 and 5 times a power of ten, downwards [s].
 
-    def ratio(self, trial: Trial) -> float:
-        """The largest error over what is allowed: up to 1 it is reached."""
-        errors = self.errors(trial)
-        return max(errors[name] / allowed for name, allowed in self.allowed.items())
-
-    def described(self, trial: Trial) -> Errors:
-        """As the report has it."""
-        found = {name: value if math.isfinite(value) else None for name, value in self.errors(trial).items()}
-        peak = largest_torque(self.trials.solution, self.trials.end)
-        torque = found["torque"]
-        return Errors(**found, torque_share=None if torque is None or peak == 0 else torque / peak)
+    Args:
+        characteristic_time: of the machine [s]; a small machine moves quickly.
+    """
+    longest = characteristic_time * _LONGEST
+    exponent = math.floor(math.log10(longest))
+    first = max(factor for factor in (1, 2, 5) if factor * 10.0**exponent <= longest * (1 + 1e-12))
+    steps: list[float] = []
+    for rung in range(RUNGS):
+        place = (1, 2, 5).index(first) - rung
+        steps.append(float(f"{(1, 2, 5)[place % 3]}e{exponent + place // 3}"))
+    return tuple(steps)
 
 
 @dataclass(frozen=True)

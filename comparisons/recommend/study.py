@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Callable, Iterator
+import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
+from typing import Any
 
-from ...engines.registry import engine_class
+from ...engines.registry import engine, engine_class, engine_study
 from ...engines.study import OptionSet
 from ...models.errors import InputError, TrebucheckError
 from ...models.machines.registry import parameters_type
@@ -17,12 +20,10 @@ from ...reference.solver import characteristic_time
 from ..runs.study import Counter, Study
 from ..runs.trials import Trial, Trials
 from . import neighbours as around
-from .candidates import ladder, option_sets
 from .obstacles import explain
-from .results import Advice, Attempt, Choice, EngineAdvice, Errors, NeighbourMachine
-from .search import HARDEST, Case, Level, Search, Sweep
-from .snippets import snippets
-from .target import Asked, refuse_what_cannot_be_judged
+from .results import Advice, Asked, Attempt, Choice, EngineAdvice, Errors, NeighbourMachine
+from .search import HARDEST, Level, Search, Sweep, ladder, option_sets
+from .target import Case
 
 NEIGHBOURS = 32
 _MOST_NEIGHBOURS = 200
@@ -76,7 +77,7 @@ def recommend(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advic
 
 def _family(model: str | Mechanism, study: Study, count: int, case: Callable[[Mechanism], Case]) -> _Family:
     own = case(study.mechanisms[0])
-    refuse_what_cannot_be_judged(own.asked, own.trials.solution, own.trials.end)
+    own.refuse_what_cannot_be_judged()
     if isinstance(model, str):
         source = around.of_parameters(model, study.parameters)
         varied = f"lengths up to {around.LENGTH:g} times, masses up to {around.MASS:g} times (or as many times less), "
@@ -194,3 +195,44 @@ def _rule(family: _Family, count: int) -> str:
         f"measured on this machine and the worst {min(HARDEST, count)} of {count} neighbours drawn at random "
         f"({family.varied}); one in {count + 1} machines so drawn is worse than all of these"
     )
+
+
+COMMAND, PYTHON = "trebucheck on the command line", "trebucheck in Python"
+_TO_A_LAUNCH = 2.0  # characteristic times: most launches come by then
+
+
+def snippets(
+    name: str, mechanism: Mechanism, preset: str, changes: Mapping[str, Any], words: Sequence[str] = ()
+) -> dict[str, str]:
+    """Texts to paste, by what they are for; the trebucheck ones last.
+
+    Args:
+        name: of the engine.
+        mechanism: the machine they are for.
+        preset: the settings start from.
+        changes: options set over the preset, the time step included.
+        words: how the machine is named on the command line; by its name if left out.
+    """
+    settings = engine(name, preset, **changes)
+    duration = float(f"{_TO_A_LAUNCH * characteristic_time(mechanism):.3g}")
+    return {
+        **engine_study(name).snippets(settings, mechanism, duration),
+        COMMAND: _command(name, words or ("--model", mechanism.name), preset, changes),
+        PYTHON: _python(name, preset, changes),
+    }
+
+
+def _command(name: str, machine: Sequence[str], preset: str, changes: Mapping[str, Any]) -> str:
+    words = ["trebucheck", "run", "--engine", name, *map(shlex.quote, machine), "--preset", preset]
+    for key, value in changes.items():
+        if key == "timestep":
+            words += ["--timestep", repr(value)]
+        else:
+            text = value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
+            words += ["--option", shlex.quote(f"{key}={text}")]
+    return " ".join(words)
+
+
+def _python(name: str, preset: str, changes: Mapping[str, Any]) -> str:
+    options = "".join(f", {key}={value!r}" for key, value in changes.items())
+    return f'import trebucheck as tb\n\nengine = tb.engine("{name}", "{preset}"{options})'

@@ -1,7 +1,9 @@
 """How far a trajectory is from the reference: pure functions, the reference read at the trajectory's own times.
 
 No sample of an engine is interpolated, but for the launch, which falls between two samples (a polynomial through
-the eight samples around it, :mod:`...models.launch`).
+the eight samples around it, :mod:`...models.launch`). Two engines seldom sample the same times: between them, the error
+against the reference, which is small and smooth, is interpolated linearly to the other engine's times, so that only a
+small part of it is lost. The reference itself cancels in the difference.
 """
 
 from __future__ import annotations
@@ -13,10 +15,11 @@ import numpy as np
 from scipy.integrate import trapezoid
 
 from ...models.arrays import BoolArray, FloatArray
+from ...models.launch import Launch
 from ...models.problem import StopLaw
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
-from .results import Metric
+from .results import Metric, Pair
 
 _RELEASE_GUARD = 1.5  # steps around a release in which 'settled' torques are not compared
 
@@ -204,3 +207,59 @@ def _complementarity(c: Comparison) -> Iterator[Metric]:
         if peak > 0:
             product = float(np.abs(torque[c.keep] * gap).max()) / peak
             yield Metric(name="complementarity", subject=name, value=product, unit=unit)
+
+
+_MARKER = "projectile"
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What one run contributes to its pairs."""
+
+    t: FloatArray
+    """[s], shape (n,)."""
+    error: FloatArray | None
+    """Position of the projectile minus the reference's [m], shape (n, 2); None without a projectile."""
+    release_times: dict[str, float | None]
+    launch: Launch | None
+
+    @classmethod
+    def of(cls, trajectory: Trajectory, reference: Trajectory) -> Compared:
+        """Of a trajectory and the reference at its times."""
+        thrown = _MARKER in trajectory.markers
+        error = trajectory.marker(_MARKER).position - reference.marker(_MARKER).position if thrown else None
+        launch = trajectory.launch() if thrown else None
+        return cls(trajectory.t, error, dict(trajectory.release_times), launch)
+
+
+def pair_of(model: str, labels: tuple[str, str], first: Compared, second: Compared, end: float) -> Pair:
+    """Two runs of one machine up to `end` [s], at the times of the one that has fewer."""
+    speeds = [run.launch.speed for run in (first, second) if run.launch]
+    return Pair(
+        model=model,
+        first=labels[0],
+        second=labels[1],
+        position_max=_position_difference(first, second, end),
+        release_time_max=_release_difference(first, second),
+        launch_speed=speeds[0] - speeds[1] if len(speeds) == 2 else None,
+    )
+
+
+def _position_difference(first: Compared, second: Compared, end: float) -> float | None:
+    coarse, fine = sorted((first, second), key=lambda run: len(run.t))
+    if coarse.error is None or fine.error is None:
+        return None
+    t = coarse.t[coarse.t <= min(end, fine.t[-1])]
+    interpolated = np.stack([np.interp(t, fine.t, fine.error[:, axis]) for axis in (0, 1)], axis=1)
+    return float(np.linalg.norm(coarse.error[: len(t)] - interpolated, axis=1).max())
+
+
+def _release_difference(first: Compared, second: Compared) -> float | None:
+    differences: list[float] = []
+    for name, mine in first.release_times.items():
+        theirs = second.release_times.get(name)
+        if (mine is None) != (theirs is None):
+            return None
+        if mine is not None and theirs is not None:
+            differences.append(abs(mine - theirs))
+    return max(differences, default=None)

@@ -14,8 +14,8 @@ from ...models.machines.registry import model
 from ...models.mechanism import Mechanism
 from ...models.problem import StopLaw
 from ...models.spec import Spec
+from .runner import Worker
 from .store import Store
-from .worker import Worker
 
 PRESETS = ("tuned", "stock")
 REFERENCE = "reference"

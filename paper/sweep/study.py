@@ -11,7 +11,7 @@ from numpy.polynomial import Chebyshev, Polynomial
 from scipy.optimize import brentq
 from scipy.stats import linregress
 
-from ...comparisons.runs.worker import Worker
+from ...comparisons.runs.runner import Worker
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
 from ...models.machines.parameters import TrebuchetParameters

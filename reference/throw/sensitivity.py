@@ -8,6 +8,7 @@ from one release to the next. Nothing is differenced: the equations of motion ar
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,10 +21,12 @@ from ...models.errors import InputError, SimulationError
 from ...models.kinematics import Kinematics
 from ...models.launch import lead
 from ...models.machines.parameters import TrebuchetParameters
+from ...models.machines.registry import model
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ..solution import Solution
 from ..solver import solve, solve_to_launch
+from .throw import Sensitivity
 from .variational import Direction, VariationalEquations, numbers
 
 TOLERANCE = 1e-13
@@ -349,3 +352,33 @@ def _refuse_another_machine(build: Callable[[TrebuchetParameters], Mechanism], p
                     f"build makes {name} = {a!r} where the whipper trebuchet has {b!r}; sensitivities to its "
                     "parameters are known for the fixed and the rolling machine."
                 )
+
+
+def sensitivities_of(name: str, parameters: TrebuchetParameters) -> tuple[Sensitivity, ...]:
+    """Derivatives of a named machine's launch at 45 degrees, in vacuum, by all its parameters and start values.
+
+    Raises:
+        InputError: there is no such machine, or it does not launch.
+    """
+    model(name, parameters)  # refuses an unknown name before long work
+    found = sensitivities(lambda p: model(name, p), parameters)
+    return tuple(
+        Sensitivity(
+            name=each,
+            value=float(found.values[i]),
+            unit=_unit(each),
+            launch_time=float(found.d_launch_time[i]),
+            launch_speed=float(found.d_launch_speed[i]),
+            range=None if math.isnan(found.d_range[i]) else float(found.d_range[i]),
+        )
+        for i, each in enumerate(found.names)
+    )
+
+
+def _unit(name: str) -> str:
+    """Of a parameter, from its own description; of a start speed or start slide, by its name."""
+    if name in TrebuchetParameters.model_fields:
+        unit = re.search(r"\[(.+)\]", TrebuchetParameters.model_fields[name].description or "")
+        return unit.group(1) if unit else ""
+    slide = "x_p" in name
+    return ("m/s" if slide else "rad/s") if name.startswith("u_") else "m" if slide else "rad"

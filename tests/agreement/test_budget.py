@@ -10,7 +10,7 @@ import math
 import numpy as np
 import pytest
 from trebucheck.comparisons.explain import causes_of
-from trebucheck.comparisons.explain.measure import budget
+from trebucheck.comparisons.explain.budget import budget
 from trebucheck.comparisons.explain.results import Budget, Share
 from trebucheck.comparisons.explain.variants import with_filtered_torques
 from trebucheck.comparisons.runs.trials import Trials

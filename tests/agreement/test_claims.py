@@ -7,7 +7,7 @@ import functools
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.runs.worker import Worker
+from trebucheck.comparisons.runs.runner import Worker
 from trebucheck.engines.registry import engine_class, engine_names
 from trebucheck.paper.claims import THROWS
 from trebucheck.paper.curves import series

@@ -8,9 +8,8 @@ from functools import cache
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.converge import study as studying
-from trebucheck.comparisons.converge.parameters import swept_parameters
 from trebucheck.comparisons.converge.results import MachineStudies, Study
-from trebucheck.comparisons.converge.study import converge
+from trebucheck.comparisons.converge.study import converge, swept_parameters
 from trebucheck.comparisons.runs import study as runs
 from trebucheck.engines.study import SweptParameter
 

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from trebucheck.comparisons.equivalence.checks import check_model
-from trebucheck.comparisons.equivalence.random_states import random_states
+from trebucheck.comparisons.equivalence.checks import check_model, random_states
 from trebucheck.engines.pymunk.engine import PymunkEngine
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics

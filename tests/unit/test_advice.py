@@ -19,14 +19,12 @@ import trebucheck as tb
 from trebucheck.__main__ import main
 from trebucheck.comparisons.recommend import Advice, Asked, obstacles, recommend
 from trebucheck.comparisons.recommend import neighbours as family
-from trebucheck.comparisons.recommend.candidates import RUNGS, configured, ladder, option_sets
 from trebucheck.comparisons.recommend.results import Obstacle
-from trebucheck.comparisons.recommend.search import SCREENED_AT, Case, Search
-from trebucheck.comparisons.recommend.snippets import PYTHON, snippets
-from trebucheck.comparisons.recommend.target import read_torque
-from trebucheck.comparisons.runs.deviation import Deviation
+from trebucheck.comparisons.recommend.search import RUNGS, SCREENED_AT, Search, configured, ladder, option_sets
+from trebucheck.comparisons.recommend.study import PYTHON, snippets
+from trebucheck.comparisons.recommend.target import Case, read_torque
 from trebucheck.comparisons.runs.study import Study
-from trebucheck.comparisons.runs.trials import Trial, Trials
+from trebucheck.comparisons.runs.trials import Deviation, Trial, Trials
 from trebucheck.engines.mujoco.study import MJCF
 from trebucheck.engines.mujoco.study import PYTHON as MUJOCO_PYTHON
 from trebucheck.engines.study import OptionSet
@@ -74,8 +72,8 @@ def test_wrong_input_gets_a_sentence(arguments: list[str], complaint: str, refus
 
 def test_a_share_of_the_torque_is_each_machines_own() -> None:
     motion = SimpleNamespace(stop_torques={"rest": __import__("numpy").array([3.0, 200.0, 5.0])})
-    solution = cast("Any", SimpleNamespace(motion=lambda _: motion))
-    assert Asked(torque_share=0.01).on(solution, 1.0) == {"torque": 2.0}
+    trials = cast("Trials", SimpleNamespace(solution=SimpleNamespace(motion=lambda _: motion), end=1.0))
+    assert Case(trials, Asked(torque_share=0.01)).allowed == {"torque": 2.0}
     with pytest.raises(tb.InputError, match="asked in N m and as a share"):
         Asked(torque=1.0, torque_share=0.01)
 

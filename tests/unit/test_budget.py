@@ -18,19 +18,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 from trebucheck.comparisons.explain import Cause, Intervention, causes_of
-from trebucheck.comparisons.explain.changes import stock_against_tuned
-from trebucheck.comparisons.explain.measure import budget
+from trebucheck.comparisons.explain.budget import budget, orders
 from trebucheck.comparisons.explain.plots import main_quantities
 from trebucheck.comparisons.explain.report import document
 from trebucheck.comparisons.explain.results import Budget, Explanation, Machine
-from trebucheck.comparisons.explain.shares import orders
-from trebucheck.comparisons.explain.study import explain
+from trebucheck.comparisons.explain.study import explain, stock_against_tuned
 from trebucheck.comparisons.explain.variants import Reread, by_kinematics, with_filtered_torques
 from trebucheck.comparisons.report import html, terminal
-from trebucheck.comparisons.runs.deviation import GRID, Deviation
+from trebucheck.comparisons.runs.runner import Worker
 from trebucheck.comparisons.runs.study import Study
-from trebucheck.comparisons.runs.trials import Trial, Trials
-from trebucheck.comparisons.runs.worker import Worker
+from trebucheck.comparisons.runs.trials import GRID, Deviation, Trial, Trials
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.mujoco.options import effective_solref

@@ -16,21 +16,22 @@ import pytest
 import trebucheck as tb
 from trebucheck.cli.app import main
 from trebucheck.comparisons.converge import study as studying
-from trebucheck.comparisons.converge.fit import FEWEST, SLOPE, power_law
 from trebucheck.comparisons.converge.floor import Site, floor, refinements
-from trebucheck.comparisons.converge.parameters import parameter_names, swept_parameters
-from trebucheck.comparisons.converge.report import document
-from trebucheck.comparisons.converge.results import Studies
-from trebucheck.comparisons.converge.richardson import (
+from trebucheck.comparisons.converge.orders import (
     ASYMPTOTIC,
+    FEWEST,
+    SLOPE,
     Level,
     fitting,
     largest,
     limit,
     observed_order,
+    power_law,
     weights,
 )
-from trebucheck.comparisons.converge.study import converge
+from trebucheck.comparisons.converge.report import document
+from trebucheck.comparisons.converge.results import Studies
+from trebucheck.comparisons.converge.study import converge, parameter_names, swept_parameters
 from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.runs.runner import run_duration
 from trebucheck.comparisons.runs.store import Store
@@ -200,7 +201,7 @@ def _site(answers: dict[str, float], error: float = 1.0, **others: object) -> Si
         return error * min((answers[name] for name in change if name in answers), default=1.0)
 
     settings = tb.engine("mujoco", "stock", timestep=1e-3).model_dump(mode="json")  # type: ignore[attr-defined]
-    fields = {"engine": "mujoco", "settings": settings, "turned": ("timestep",), "error": error, "value": 1e-3}
+    fields = {"engine": "mujoco", "settings": settings, "swept": ("timestep",), "error": error, "value": 1e-3}
     return Site(**{**fields, "measure": measure, "constraints": ConstraintKinds(), **others})  # type: ignore[arg-type]
 
 
@@ -219,7 +220,7 @@ def test_a_floor_of_the_reference_or_of_rounding() -> None:
     assert floor(_site({}, error=1e-11), 2e-12).cause == "the reference's uncertainty"
     found = floor(_site({}), 0.0, [(5e-4, 4.0)])
     assert found.cause == "rounding" and "h^-2.0" in found.evidence
-    assert floor(_site({"solimp": 0.5}, turned=("tolerance",)), 0.0, [(1e-12, 4.0)]).cause != "rounding"
+    assert floor(_site({"solimp": 0.5}, swept=("tolerance",)), 0.0, [(1e-12, 4.0)]).cause != "rounding"
 
 
 def test_the_studys_own_knob_is_left_alone() -> None:

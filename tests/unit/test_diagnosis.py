@@ -13,12 +13,11 @@ from faulty import Faulty, body, parameters
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from trebucheck.comparisons.compare.report import diagnosis
-from trebucheck.comparisons.diagnosis.fit import match
 from trebucheck.comparisons.diagnosis.model import check_and_diagnose
-from trebucheck.comparisons.diagnosis.onset import active_contacts_at, growth
+from trebucheck.comparisons.diagnosis.motion import active_contacts_at, growth
+from trebucheck.comparisons.diagnosis.signatures import match
 from trebucheck.comparisons.diagnosis.suspects import machine_suspects, more_wrong
-from trebucheck.comparisons.equivalence.checks import EXACT, check_model
-from trebucheck.comparisons.equivalence.random_states import random_states
+from trebucheck.comparisons.equivalence.checks import EXACT, check_model, random_states
 from trebucheck.comparisons.runs.results import Cause, Diagnosis, Outcome, Run
 from trebucheck.models.machines.trebuchet import parameters_of
 from trebucheck.reference.contact import active_contacts

@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.converge.floor import refinements
-from trebucheck.comparisons.converge.parameters import parameter_names, swept_parameters
+from trebucheck.comparisons.converge.study import parameter_names, swept_parameters
 from trebucheck.comparisons.explain import causes_of
-from trebucheck.comparisons.recommend.candidates import option_sets
-from trebucheck.comparisons.recommend.snippets import snippets
+from trebucheck.comparisons.recommend.search import option_sets
+from trebucheck.comparisons.recommend.study import snippets
 from trebucheck.comparisons.report.plots import engine_colour
 from trebucheck.engines.registry import engine_class
 from trebucheck.engines.study import ConstraintKinds, EngineStudy

@@ -11,9 +11,8 @@ import plugins
 import pytest
 import trebucheck as tb
 from pydantic import JsonValue
-from trebucheck.comparisons.runs.deviation import deviation
 from trebucheck.comparisons.runs.store import Store
-from trebucheck.comparisons.runs.trials import Trial, Trials
+from trebucheck.comparisons.runs.trials import Trial, Trials, deviation
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import SimulationError
 from trebucheck.reference.solution import Solution
