@@ -191,9 +191,9 @@ def _claims(study: Study, names: Sequence[str]) -> Iterator[Block]:
     yield table(columns, rows)
     for claim in study.claims:
         if claim.verdict in (Verdict.FAILS, Verdict.OPEN):
-            yield Text(f"({claim.where}): {claim.why}.", _MARKS[claim.verdict], claim.name, "terminal")
+            yield Text(f"({claim.where}): {claim.why}.", _MARKS[claim.verdict], claim.name, medium="terminal")
     for claim, each in disagreeing(study):
-        yield Text(f"({claim.name}): {each.value} is outside its tolerance.", "bad", each.engine, "terminal")
+        yield Text(f"({claim.name}): {each.value} is outside its tolerance.", "bad", each.engine, medium="terminal")
     rules = [(claim.name, claim.rule, claim.verdict.value) for claim in study.claims]
     yield Fold("The rules behind the verdicts", (table((words("claim"), words("rule"), words("verdict")), rules),))
     if study.unreached:

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import groupby
-from typing import TYPE_CHECKING, ClassVar, Literal, Protocol, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from .numbers import format_value
 
@@ -23,45 +23,56 @@ Mark = Literal["plain", "good", "bad", "warning", "muted", "strong"]
 Medium = Literal["any", "page", "terminal"]
 
 
+def mark_of(holds: bool | None) -> Mark:
+    """Of a value by its tolerance; plain where it has none."""
+    return "plain" if holds is None else "good" if holds else "bad"
+
+
 @dataclass(frozen=True)
-class Heading:
+class Placed:
+    """A part of a report, and which medium shows it."""
+
+    medium: Medium = field(default="any", kw_only=True)
+
+    @property
+    def kind(self) -> str:
+        """Its class, in a word, for the template of the page."""
+        return type(self).__name__.lower()
+
+
+@dataclass(frozen=True)
+class Heading(Placed):
     """A heading; level 2 opens a chapter, 3 a section, 4 a part of one. The title of the document is level 1."""
 
-    kind: ClassVar[str] = "heading"
     text: str
     level: Literal[2, 3, 4] = 3
     anchor: str = ""
-    medium: Medium = "page"
+    medium: Medium = field(default="page", kw_only=True)
 
 
 @dataclass(frozen=True)
-class Text:
+class Text(Placed):
     """A paragraph. The mark applies to `lead`, the words it begins with, or without them to all of it."""
 
-    kind: ClassVar[str] = "text"
     text: str
     mark: Mark = "plain"
     lead: str = ""
-    medium: Medium = "any"
 
 
 @dataclass(frozen=True)
-class Note:
+class Note(Text):
     """A paragraph that says how to read what is beside it."""
 
-    kind: ClassVar[str] = "note"
-    text: str
-    medium: Medium = "page"
+    mark: Mark = "muted"
+    medium: Medium = field(default="page", kw_only=True)
 
 
 @dataclass(frozen=True)
-class Listing:
+class Listing(Placed):
     """Sentences, each of which stands for itself."""
 
-    kind: ClassVar[str] = "listing"
     items: tuple[Text, ...]
     ordered: bool = False
-    medium: Medium = "any"
 
 
 @dataclass(frozen=True)
@@ -74,16 +85,15 @@ class Tile:
 
 
 @dataclass(frozen=True)
-class Tiles:
+class Tiles(Placed):
     """Numbers that come before all else."""
 
-    kind: ClassVar[str] = "tiles"
     tiles: tuple[Tile, ...]
-    medium: Medium = "page"
+    medium: Medium = field(default="page", kw_only=True)
 
 
 @dataclass(frozen=True)
-class Column:
+class Column(Placed):
     """A column of a table.
 
     `short` is the title in a terminal, where that has to be another; neighbours of one `group` share a heading on the
@@ -96,7 +106,6 @@ class Column:
     short: str = ""
     group: str = ""
     wrap: bool | None = None
-    medium: Medium = "any"
 
     @property
     def heading(self) -> str:
@@ -114,15 +123,15 @@ class Column:
 _NUMBER = re.compile(r"(over )?[-+÷×<]?\s?\d")
 
 
-def columns(titles: str, medium: Medium = "any") -> tuple[Column, ...]:
+def columns(titles: str) -> tuple[Column, ...]:
     """Columns from a line like "engine | step [s] | (steps)"; those in round brackets are for the page only."""
-    parts = (part.strip() for part in titles.split("|"))
-    return tuple(_column(part[1:-1], "page") if part.startswith("(") else _column(part, medium) for part in parts)
+    parts = map(str.strip, titles.split("|"))
+    return tuple(page_only(_column(part[1:-1])) if part.startswith("(") else _column(part) for part in parts)
 
 
-def _column(title: str, medium: Medium = "any") -> Column:
+def _column(title: str) -> Column:
     text, _, unit = title.partition(" [")
-    return Column(text, unit.removesuffix("]"), medium=medium)
+    return Column(text, unit.removesuffix("]"))
 
 
 def words(title: str, *, wrap: bool = True, medium: Medium = "any") -> Column:
@@ -141,23 +150,20 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Row:
+class Row(Placed):
     """A row of a table; where it has fewer cells than there are columns, the last one spans the rest."""
 
     cells: tuple[Cell, ...]
     anchor: str = ""
-    medium: Medium = "any"
 
 
 @dataclass(frozen=True)
-class Table:
+class Table(Placed):
     """Rows of cells under columns; without rows it is not shown, without titles it has no head."""
 
-    kind: ClassVar[str] = "table"
     columns: tuple[Column, ...]
     rows: tuple[Row, ...]
     caption: str = ""
-    medium: Medium = "any"
 
     @property
     def has_head(self) -> bool:
@@ -198,49 +204,45 @@ def table(
     made = [head if isinstance(head, Column) else _column(head) for head in heads]
     body = tuple(each if isinstance(each, Row) else row(*each) for each in rows)
     cells = [[r.cells[i].text for r in body if len(r.cells) == len(made)] for i in range(len(made))]
-    return Table(tuple(column.laid_out(i, cells[i]) for i, column in enumerate(made)), body, caption, medium)
+    return Table(tuple(column.laid_out(i, cells[i]) for i, column in enumerate(made)), body, caption, medium=medium)
 
 
 def row(*values: object, anchor: str = "", medium: Medium = "any") -> Row:
     """A row from plain values."""
     cells = (value if isinstance(value, Cell) else Cell(format_value(value)) for value in values)
-    return Row(tuple(cells), anchor, medium)
+    return Row(tuple(cells), anchor, medium=medium)
 
 
 @dataclass(frozen=True)
-class Figure:
+class Figure(Placed):
     """A plot with its title and the sentence that says how to read it."""
 
-    kind: ClassVar[str] = "figure"
     plot: go.Figure | Callable[[], go.Figure]
     """Or what draws it, for a page only."""
     title: str = ""
     caption: str = ""
-    medium: Medium = "page"
+    medium: Medium = field(default="page", kw_only=True)
 
 
 @dataclass(frozen=True)
-class Code:
+class Code(Placed):
     """A text to copy, or data, as it is."""
 
-    kind: ClassVar[str] = "code"
     title: str
     text: str
-    medium: Medium = "any"
 
 
 @dataclass(frozen=True)
-class Fold:
+class Fold(Placed):
     """Blocks behind a title that opens them."""
 
-    kind: ClassVar[str] = "fold"
     title: str
     blocks: tuple[Block, ...]
     opened: bool = False
-    medium: Medium = "page"
+    medium: Medium = field(default="page", kw_only=True)
 
 
-Block = Heading | Text | Note | Listing | Tiles | Table | Figure | Code | Fold
+Block = Heading | Text | Listing | Tiles | Table | Figure | Code | Fold
 
 
 @dataclass(frozen=True)
@@ -252,13 +254,7 @@ class Document:
     window: str = "trebucheck"
 
 
-class _Placed(Protocol):
-    @property
-    def medium(self) -> Medium: ...
-
-
-_P = TypeVar("_P", bound=_Placed)
-_B = TypeVar("_B", Heading, Text, Note, Listing, Tiles, Table, Code)
+_P = TypeVar("_P", bound=Placed)
 
 
 def in_medium(parts: Iterable[_P], medium: Medium) -> list[_P]:
@@ -267,11 +263,11 @@ def in_medium(parts: Iterable[_P], medium: Medium) -> list[_P]:
     return [part for part in there if not isinstance(part, Table) or part.rows_in(medium)]
 
 
-def page_only(block: _B) -> _B:
+def page_only(block: _P) -> _P:
     """The block, kept out of terminals."""
     return replace(block, medium="page")
 
 
-def terminal_only(block: _B) -> _B:
+def terminal_only(block: _P) -> _P:
     """The block, kept out of pages."""
     return replace(block, medium="terminal")

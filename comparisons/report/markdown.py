@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from .document import Block, Code, Document, Figure, Fold, Heading, Listing, Note, Table, Text, Tiles, in_medium
+from .document import Block, Code, Document, Figure, Fold, Heading, Listing, Table, Text, Tiles, in_medium
 
 
 def text(document: Document) -> str:
@@ -21,7 +21,7 @@ def _part(block: Block) -> str:
     match block:
         case Heading():
             part = f"{'#' * block.level} {block.text}"
-        case Text() | Note():
+        case Text():
             part = _paragraph(block)
         case Listing():
             part = "\n".join(f"{'1.' if block.ordered else '-'} {_paragraph(item)}" for item in block.items)
@@ -38,9 +38,8 @@ def _part(block: Block) -> str:
     return part
 
 
-def _paragraph(block: Text | Note) -> str:
-    lead = block.lead if isinstance(block, Text) else ""
-    return f"**{lead}** {block.text}" if lead else block.text
+def _paragraph(block: Text) -> str:
+    return f"**{block.lead}** {block.text}" if block.lead else block.text
 
 
 def _table(block: Table) -> str:

@@ -9,7 +9,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.text import Text as Styled
 
-from .document import Block, Code, Column, Document, Heading, Listing, Mark, Note, Table, Text, Tiles, in_medium
+from .document import Block, Code, Column, Document, Heading, Listing, Mark, Table, Text, Tiles, in_medium
 
 _STYLES: dict[Mark, str] = {
     "plain": "",
@@ -43,7 +43,7 @@ def _show(block: Block, to: Console) -> None:
         case Heading():
             to.print()
             to.rule(Styled(block.text), align="left")
-        case Text() | Note():
+        case Text():
             to.print(_paragraph(block), soft_wrap=True)
         case Listing():
             for item in block.items:
@@ -59,9 +59,7 @@ def _show(block: Block, to: Console) -> None:
             pass  # figures and folds are for pages
 
 
-def _paragraph(block: Text | Note) -> Styled:
-    if isinstance(block, Note):
-        return Styled(block.text, style="dim")
+def _paragraph(block: Text) -> Styled:
     if not block.lead:
         return Styled(block.text, style=_STYLES[block.mark])
     return Styled.assemble((block.lead, _STYLES[block.mark]), " ", block.text)
