@@ -144,6 +144,8 @@ class BuiltinEngine(EngineOptions, ABC):
     capabilities: ClassVar[Capabilities]
     stock_options: ClassVar[Mapping[str, object]]
     """What the engine's documentation leads to, where it differs from the tuned defaults."""
+    tables: ClassVar[EngineStudy] = EngineStudy()
+    """What studies know of it; the default is what they know of any engine."""
 
     @classmethod
     def stock(cls, **options: Any) -> Self:
@@ -164,8 +166,8 @@ class BuiltinEngine(EngineOptions, ABC):
 
     @classmethod
     def study(cls) -> EngineStudy:
-        """What studies know of this engine; the default is what they know of any."""
-        return EngineStudy()
+        """What studies know of this engine."""
+        return cls.tables
 
     @classmethod
     def is_installed(cls) -> bool:

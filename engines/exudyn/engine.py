@@ -26,6 +26,7 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
 
     name: ClassVar[str] = "exudyn"
     package: ClassVar[str] = "exudyn"
+    tables: ClassVar[EngineStudy] = STUDY
     capabilities: ClassVar[Capabilities] = Capabilities(
         joint_reactions=True,
         joint_gaps=True,
@@ -45,11 +46,6 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         "adaptive_step": True,
         "located_releases": False,
     }
-
-    @classmethod
-    def study(cls) -> EngineStudy:
-        """What studies know of it."""
-        return STUDY
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Show the built system by its own matrices and outputs."""

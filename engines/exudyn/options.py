@@ -13,11 +13,7 @@ _Tolerance = Annotated[Real, Field(gt=0, le=1e-2)]
 
 
 class ExudynOptions(EngineOptions):
-    """Numerical options.
-
-    Raises:
-        InputError: an option is unknown or outside its range.
-    """
+    """Numerical options; their ranges are checked as in every :class:`EngineOptions`."""
 
     timestep: Positive = Field(default=1e-4, le=1.0, description="step size [s]")
     integrator: Literal["trapezoidal-index-2", "generalized-alpha-index-3"] = Field(

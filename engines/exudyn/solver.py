@@ -54,7 +54,7 @@ class Solver:
         self.system = system
         self.options = options
         self.steps = 0
-        widths = [len(self._values(number)) for number in system.sensors.values()]
+        widths = [system.now(sensor).shape[1] for sensor in system.sensors]
         ends = np.cumsum([1, *widths]).tolist()
         self.columns: dict[SensorKey, slice] = {
             key: slice(a, b) for key, a, b in zip(system.sensors, ends[:-1], ends[1:], strict=True)
@@ -77,7 +77,7 @@ class Solver:
 
     def row(self, time: float) -> FloatArray:
         """All sensors now, as a row of a table."""
-        return np.concatenate([[time], *(self._values(number) for number in self.system.sensors.values())])
+        return np.concatenate([[time], *(self.system.now(sensor)[0] for sensor in self.system.sensors)])
 
     def values(self, row: FloatArray) -> Values:
         """Values of the sensors in a row of a table."""
@@ -170,9 +170,6 @@ class Solver:
         data.SetODE2Coordinates_t(state.rates, initial)
         if accelerations is not None:
             data.SetODE2Coordinates_tt(accelerations, initial)
-
-    def _values(self, sensor: int) -> FloatArray:
-        return np.atleast_1d(np.asarray(self.system.main.GetSensorValues(sensor), dtype=np.float64))
 
     def _table(self) -> FloatArray:
         stored = [np.asarray(self.system.main.GetSensorStoredData(n)) for n in self.system.sensors.values()]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterable
 from typing import Any
 
@@ -13,9 +12,7 @@ from ...models.mjcf.writer import MARGIN, START_KEY, mjcf
 from ..contact_events import refuse_moving_gaps
 from .constraints import UnilateralConstraint, stop_contacts
 from .options import MujocoOptions, scaled_solref
-from .reference_acceleration import CALLBACK, ReferenceAccelerationCorrection
-
-mujoco: Any = importlib.import_module("mujoco")  # it carries no types
+from .reference_acceleration import CALLBACK, ReferenceAccelerationCorrection, mujoco
 
 _PRELOAD_ITERATIONS = 6  # each gains the four digits of 1 - d, d the impedance
 

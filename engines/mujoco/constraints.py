@@ -6,7 +6,6 @@ such contacts.
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,9 +15,7 @@ from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism, PointStop, Stop
 from ...models.mjcf.points import RAIL_SIDES, Points, rail_contact, torque_sensor
 from ...models.mjcf.writer import FAR, MARGIN
-from .reference_acceleration import ReferenceAccelerationCorrection
-
-mujoco: Any = importlib.import_module("mujoco")  # it carries no types
+from .reference_acceleration import ReferenceAccelerationCorrection, mujoco
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,7 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
 
     name: ClassVar[str] = "mujoco"
     package: ClassVar[str] = "mujoco"
+    tables: ClassVar[EngineStudy] = STUDY
     capabilities: ClassVar[Capabilities] = Capabilities(
         joint_reactions=True,
         joint_gaps=False,
@@ -57,11 +58,6 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
         "moving_points": False,
         "keep_limits": True,
     }
-
-    @classmethod
-    def study(cls) -> EngineStudy:
-        """What studies know of it."""
-        return STUDY
 
     def _run(self, problem: Problem) -> Recording:
         # Imported here so that the class, its options and its documentation need no MuJoCo.

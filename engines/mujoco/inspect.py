@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,11 +10,11 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism
 from ..inspection import Dynamics, Inspection, State
-from .build import load, mujoco, start_data
+from .build import load, start_data
 from .constraints import UnilateralConstraint, slot_contacts, stop_constraints
 from .options import MujocoOptions
 from .read import IN_PLANE, absolute_from_relative
-from .reference_acceleration import ReferenceAccelerationCorrection, equality_rows
+from .reference_acceleration import ReferenceAccelerationCorrection, equality_rows, mujoco
 
 # The softness of a limit and the solver's tolerance are numerical options: a limit at rest carries the same torque
 # with any of them. With the hardest impedance MuJoCo takes, each round gains the four digits of 1 - d. With this
@@ -60,34 +58,18 @@ def _at_rest(mechanism: Mechanism, options: MujocoOptions) -> Any:
     return model
 
 
-@dataclass(frozen=True)
 class _Built:
     """The model and its data; u = C qvel and q = start + C qpos, as trajectories are read."""
 
-    mechanism: Mechanism
-    model: Any
-
-    @cached_property
-    def data(self) -> Any:
-        return start_data(self.model)
-
-    @cached_property
-    def constraints(self) -> dict[str, UnilateralConstraint]:
-        return stop_constraints(self.mechanism, self.model)
-
-    @cached_property
-    def correction(self) -> ReferenceAccelerationCorrection:
-        return ReferenceAccelerationCorrection(self.model, velocity_term=True)
-
-    @cached_property
-    def sums(self) -> FloatArray:
+    def __init__(self, mechanism: Mechanism, model: Any) -> None:
+        self.mechanism, self.model = mechanism, model
+        self.data = start_data(model)
+        self.constraints = stop_constraints(mechanism, model)
+        self.correction = ReferenceAccelerationCorrection(model, velocity_term=True)
+        self.sums = absolute_from_relative(mechanism, model)
         """C, shape (n_q, n_v)."""
-        return absolute_from_relative(self.mechanism, self.model)
-
-    @cached_property
-    def differences(self) -> FloatArray:
+        self.differences = np.asarray(np.linalg.inv(self.sums), dtype=np.float64)
         """Inverse of C: joint coordinates from absolute ones, joint forces' weights in absolute ones."""
-        return np.asarray(np.linalg.inv(self.sums), dtype=np.float64)
 
     def start(self) -> tuple[FloatArray, FloatArray]:
         """The keyframe's q and u: absolute angles of the bodies, with the full turns of the mechanism's start."""

@@ -15,11 +15,7 @@ _Impedance = Annotated[Real, Field(ge=1e-4, le=0.9999)]
 
 
 class MujocoOptions(EngineOptions):
-    """Numerical options.
-
-    Raises:
-        InputError: an option is unknown or outside its range.
-    """
+    """Numerical options; their ranges are checked as in every :class:`EngineOptions`."""
 
     integrator: Literal["RK4", "Euler", "implicit", "implicitfast", "discrete"] = Field(
         default="RK4",

@@ -14,10 +14,11 @@ from ...models.errors import SimulationError
 from ...models.mjcf.writer import torque_sensor
 from ...models.problem import Problem, StopLaw
 from ..protocol import Recording
-from .build import correction_of, load, mujoco, preload, start_data
+from .build import correction_of, load, preload, start_data
 from .constraints import slot_contacts, stop_constraints
 from .options import MujocoOptions
 from .read import Samples, recording
+from .reference_acceleration import mujoco
 
 _rollout: Any = importlib.import_module("mujoco.rollout")
 

@@ -123,6 +123,8 @@ class _Builder:
         self.mechanism = mechanism
         self.error_bias = error_bias
         self.pivot_mass = pivot_mass
+        self.kinematics = Kinematics(mechanism)
+        self.q, self.u = initial_state(mechanism)
         self.joints = {joint.child: joint for joint in mechanism.tree_joints}
         space = pymunk.Space()
         space.gravity = (0.0, -mechanism.gravity)
@@ -162,18 +164,13 @@ class _Builder:
         joint, children = self.joints[body.name], self.mechanism.children(body.name)
         if isinstance(joint, SlotJoint) or _same(own.centre, pin):
             return False
-        if own.inertia > 0 and (children or joint.parent == GROUND):
-            return False
-        if own.inertia > 0 and any(not self._is_brace(stop, body.name) for stop in self._stops_of(body.name)):
-            return False
+        stops = [stop for stop in self.mechanism.angle_stops if stop.closed and body.name in stop.bodies]
+        unbraced = any(not self._is_brace(stop, body.name) for stop in stops)
         constrained = self._constrained_points(body.name)
-        if own.inertia > 0 and constrained:
+        if own.inertia > 0 and (children or joint.parent == GROUND or unbraced or constrained):
             return False
         pins = [complex(*self.joints[child.name].parent_point) for child in children]
         return all(_same(point, own.centre) for point in (*pins, *constrained))
-
-    def _stops_of(self, body: str) -> list[Stop]:
-        return [stop for stop in self.mechanism.angle_stops if stop.closed and body in stop.bodies]
 
     def _constrained_points(self, body: str) -> list[complex]:
         """Points of a body at which loop joints or stops act on it."""
@@ -197,14 +194,12 @@ class _Builder:
 
     def _part(self, body: Body, weights: _Weights, pin: complex, turns: bool) -> Part:
         engine_body = pymunk.Body(weights.mass, weights.inertia if turns else math.inf)
-        kinematics = Kinematics(self.mechanism)
-        row = kinematics.point(body.name, (weights.centre.real, weights.centre.imag))
-        q, u = initial_state(self.mechanism)
-        engine_body.position = _pair(kinematics.position(row, q))
-        engine_body.velocity = _pair(kinematics.velocity(row, q, u))
+        row = self.kinematics.point(body.name, (weights.centre.real, weights.centre.imag))
+        engine_body.position = _pair(self.kinematics.position(row, self.q))
+        engine_body.velocity = _pair(self.kinematics.velocity(row, self.q, self.u))
         if turns:
             index = self.mechanism.bodies.index(body)
-            engine_body.angle, engine_body.angular_velocity = -float(q[index]), -float(u[index])
+            engine_body.angle, engine_body.angular_velocity = -float(self.q[index]), -float(self.u[index])
         return Part(body.name, engine_body, weights.centre, pin, turns)
 
     def _end(self, name: str, point: complex) -> tuple[pymunk.Body | None, tuple[float, float]]:
@@ -272,8 +267,7 @@ class _Builder:
 
     def _position(self, body: str, point: tuple[float, float]) -> complex:
         """Position of a body's point at the start [m]."""
-        kinematics = Kinematics(self.mechanism)
-        return complex(*kinematics.position(kinematics.point(body, point), initial_state(self.mechanism)[0]))
+        return complex(*self.kinematics.position(self.kinematics.point(body, point), self.q))
 
     def _sliding_rod(self, body: str, point: complex, origin: complex, axis: complex, along: float) -> Rod:
         """A rod across a line that keeps a body's point on it, at the start `along` from the line's origin.

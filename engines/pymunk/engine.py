@@ -30,6 +30,7 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
 
     name: ClassVar[str] = "pymunk"
     package: ClassVar[str] = "pymunk"
+    tables: ClassVar[EngineStudy] = STUDY
     capabilities: ClassVar[Capabilities] = Capabilities(
         joint_reactions=True,
         joint_gaps=True,
@@ -47,11 +48,6 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
         "locate_releases": False,
         "pivot_mass": 1.0,
     }
-
-    @classmethod
-    def study(cls) -> EngineStudy:
-        """What studies know of it."""
-        return STUDY
 
     def _run(self, problem: Problem) -> Recording:
         # Here and not above: a class must tell that its library is missing, not fail to load.

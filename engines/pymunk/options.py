@@ -11,11 +11,7 @@ from ..protocol import EngineOptions
 
 
 class PymunkOptions(EngineOptions):
-    """Numerical options.
-
-    Raises:
-        InputError: an option is unknown or outside its range.
-    """
+    """Numerical options; their ranges are checked as in every :class:`EngineOptions`."""
 
     iterations: int = Field(default=200, ge=1, le=100_000, description="passes of the impulse solver in a step")
     start_iterations: int = Field(

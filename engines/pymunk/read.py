@@ -13,8 +13,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...models.arrays import ComplexArray, FloatArray
 from ...models.kinematics import Kinematics
@@ -29,20 +31,12 @@ _SINGULAR = 1e-10  # of the largest singular value: constraints more nearly depe
 
 @dataclass(frozen=True)
 class Samples:
-    """Engine bodies at the sample times, each array of shape (n, n_bodies); planar vectors are complex."""
+    """Engine bodies at the sample times: values and their first and second rates, shape (3, n, n_bodies)."""
 
-    position: ComplexArray
-    """[m]"""
-    angle: FloatArray
-    """Counter-clockwise [rad]."""
-    velocity: ComplexArray
-    """[m/s]"""
-    spin: FloatArray
-    """[rad/s]"""
-    acceleration: ComplexArray
-    """[m/s^2]"""
-    spin_rate: FloatArray
-    """[rad/s^2]"""
+    points: ComplexArray
+    """Position [m], velocity [m/s] and acceleration [m/s^2], complex."""
+    angles: FloatArray
+    """Angle [rad], angular velocity [rad/s] and acceleration [rad/s^2], counter-clockwise."""
 
 
 @dataclass(frozen=True)
@@ -97,16 +91,15 @@ class Reading:
         """A point of a body, or of the ground."""
         if body != GROUND:
             return self.frames[body].point(complex(*local))
-        rest = np.zeros(len(self.samples.position), dtype=np.complex128)
+        rest = np.zeros(self.samples.points.shape[1], dtype=np.complex128)
         return PointState(rest + complex(*local), rest, rest)
 
     def _body(self, i: int) -> PointState:
-        s = self.samples
-        return PointState(s.position[:, i], s.velocity[:, i], s.acceleration[:, i])
+        return PointState(*self.samples.points[:, :, i])
 
     def _turning(self, i: int, part: Part) -> Frame:
-        s = self.samples
-        return Frame(part.reference, self._body(i), 0.0 - s.angle[:, i], 0.0 - s.spin[:, i], -s.spin_rate[:, i])
+        angle, spin, spin_rate = self.samples.angles[:, :, i]
+        return Frame(part.reference, self._body(i), 0.0 - angle, 0.0 - spin, -spin_rate)
 
     def _swinging(self, i: int, part: Part) -> Frame:
         """A bob's rod points from its pin to its mass: rod = arm exp(-i q)."""
@@ -140,7 +133,7 @@ class Reading:
 
     def energies(self) -> tuple[FloatArray, FloatArray]:
         """Kinetic and potential energy [J], shape (n,)."""
-        kinetic, potential = np.zeros(len(self.samples.position)), np.zeros(len(self.samples.position))
+        kinetic, potential = np.zeros((2, self.samples.points.shape[1]))
         for body in self.mechanism.bodies:
             centre = self.point(body.name, body.centre)
             kinetic += 0.5 * (body.mass * np.abs(centre.velocity) ** 2 + body.inertia * self.frames[body.name].u ** 2)
@@ -182,16 +175,13 @@ def samples_of(states: FloatArray, h: float, leapfrog: bool) -> Samples:
         h: the step [s].
         leapfrog: velocities of row k are at (k + 1/2) h, not at k h.
     """
-    position, rates = states[1:, :, 0] + 1j * states[1:, :, 1], states[..., 3] + 1j * states[..., 4]
-    spins, share = states[..., 5], 0.5 if leapfrog else 1.0
-    return Samples(
-        position=position,
-        angle=states[1:, :, 2],
-        velocity=share * rates[1:] + (1 - share) * rates[:-1],
-        spin=share * spins[1:] + (1 - share) * spins[:-1],
-        acceleration=(rates[1:] - rates[:-1]) / h,
-        spin_rate=(spins[1:] - spins[:-1]) / h,
-    )
+    share = 0.5 if leapfrog else 1.0
+
+    def with_rates(values: NDArray[Any], rates: NDArray[Any]) -> NDArray[Any]:
+        return np.stack([values[1:], share * rates[1:] + (1 - share) * rates[:-1], (rates[1:] - rates[:-1]) / h])
+
+    points = states[..., 0:4:3] + 1j * states[..., 1:5:3]
+    return Samples(with_rates(points[..., 0], points[..., 1]), with_rates(states[..., 2], states[..., 5]))
 
 
 def as_vectors(z: ComplexArray) -> FloatArray:
@@ -201,17 +191,9 @@ def as_vectors(z: ComplexArray) -> FloatArray:
 
 def reading_of(assembly: Assembly, accelerations: FloatArray | None = None) -> Reading:
     """The bodies' present state as one sample; accelerations as its rates, zero if left out."""
-    rates = assembly.rates.T
-    changes = np.zeros_like(rates) if accelerations is None else accelerations.T
-    samples = Samples(
-        position=np.array([[complex(*body.position) for body in assembly.bodies]]),
-        angle=np.array([[body.angle for body in assembly.bodies]]),
-        velocity=(rates[0] + 1j * rates[1])[None],
-        spin=rates[2][None],
-        acceleration=(changes[0] + 1j * changes[1])[None],
-        spin_rate=changes[2][None],
-    )
-    return Reading(assembly, samples)
+    places, rates = np.array([[*body.position, body.angle] for body in assembly.bodies]), assembly.rates
+    x, y, angles = np.stack([places, rates, np.zeros_like(rates) if accelerations is None else accelerations]).T
+    return Reading(assembly, Samples((x + 1j * y).T[:, None], angles.T[:, None]))
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,7 @@ class ReferenceEngine(BuiltinEngine):
 
     name: ClassVar[str] = "reference"
     package: ClassVar[str] = "scipy"
+    tables: ClassVar[EngineStudy] = _STUDY
     capabilities: ClassVar[Capabilities] = Capabilities(
         joint_reactions=True,
         joint_gaps=False,
@@ -54,11 +55,6 @@ class ReferenceEngine(BuiltinEngine):
         default=TOLERANCE, description="relative local error of DOP853; Taylor series go to the last digit"
     )
     atol: _Tolerance = Field(default=TOLERANCE, description="absolute local error [rad, m, rad/s, m/s]")
-
-    @classmethod
-    def study(cls) -> EngineStudy:
-        """What studies know of it."""
-        return _STUDY
 
     def solve(self, problem: Problem) -> Solution:
         """The continuous solution behind :meth:`simulate`."""
