@@ -161,30 +161,40 @@ def with_options(base: Engine, changes: Mapping[str, JsonValue]) -> Engine:
 class CompletedEngine:
     """A plug-in's engine that does not tell its preset, its settings or its time step, completed by the registry."""
 
-    name: str
-    capabilities: Capabilities
-    simulate: Callable[[Problem], Trajectory]
+    simulator: Simulator
     preset: str
     settings: dict[str, JsonValue]
     timestep: float | None
+
+    @property
+    def name(self) -> str:
+        """Of the plug-in's engine."""
+        return self.simulator.name
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """Of the plug-in's engine."""
+        return self.simulator.capabilities
+
+    def simulate(self, problem: Problem) -> Trajectory:
+        """As the plug-in's engine does."""
+        return self.simulator.simulate(problem)
 
 
 @dataclass(frozen=True)
 class CompletedInspectable(CompletedEngine):
     """The same for an engine that shows its built model."""
 
-    inspect: Callable[[Mechanism, Sequence[State]], Inspection]
+    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
+        """As the plug-in's engine does."""
+        return cast("Inspectable", self.simulator).inspect(mechanism, states)
 
 
-def _completed(made: Simulator, preset: str, options: Mapping[str, Any]) -> Engine:
+def _completed(made: Simulator, preset: str, options: Mapping[str, Any]) -> CompletedEngine:
     settings = _settings_of(made, options)
     step = getattr(made, "timestep", settings.get("timestep"))
-    step = float(step) if isinstance(step, int | float) else None
-    of_engine = made.name, made.capabilities, made.simulate, preset, settings, step
-    whole = (
-        CompletedInspectable(*of_engine, made.inspect) if isinstance(made, Inspectable) else CompletedEngine(*of_engine)
-    )
-    return cast("Engine", whole)
+    cls = CompletedInspectable if isinstance(made, Inspectable) else CompletedEngine
+    return cls(made, preset, settings, float(step) if isinstance(step, int | float) else None)
 
 
 def _settings_of(made: Simulator, options: Mapping[str, Any]) -> dict[str, JsonValue]:
