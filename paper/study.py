@@ -178,7 +178,7 @@ def _compute(job: _Job, _: None) -> Any:
 
 
 class Jobs:
-    """Functions of modules under way, each in a process of its own; their processes end with the `with` block.
+    """Functions of modules under way, in processes of their own that end with the `with` block.
 
     Args:
         jobs: by name, in the order in which they start.
@@ -187,7 +187,7 @@ class Jobs:
     """
 
     def __init__(self, jobs: Mapping[str, Callable[[], Any]], timeout: float = 600.0, at_once: int = 2) -> None:
-        self._workers = {name: Worker(timeout) for name in jobs}
+        self._worker = Worker(timeout, jobs=at_once)
         self._threads = ThreadPoolExecutor(at_once)
         self._jobs = [_Job(name, compute) for name, compute in jobs.items()]
         self._futures: dict[Future[tuple[Any, str | None]], str] = {}
@@ -200,17 +200,15 @@ class Jobs:
 
     def __exit__(self, *_: object) -> None:
         self._threads.shutdown(wait=False, cancel_futures=True)
-        for worker in self._workers.values():
-            worker.close()
+        self._worker.close()
         self._quiet.__exit__(None, None, None)
 
     def _alone(self, job: _Job) -> tuple[Any, str | None]:
         """Its result, and why there is none."""
-        with self._workers[job.name] as worker:
-            try:
-                return worker.call(_compute, job, None), None
-            except Exception as error:  # whatever goes wrong in one study, the others must go on
-                return None, failure(error)[1]
+        try:
+            return self._worker.call(_compute, job, None), None
+        except Exception as error:  # whatever goes wrong in one study, the others must go on
+            return None, failure(error)[1]
 
     @property
     def names(self) -> list[str]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -128,24 +130,35 @@ def compare(
         isolate=isolate,
         timeout=timeout,
     )
+    return compare_study(study, progress)
+
+
+def compare_study(study: Study, progress: Callable[[Case, int, int], None] | None = None) -> Comparison:
+    """As :func:`compare`, of a study; `study.jobs` engine runs are made at once, results stay in the same order.
+
+    Args:
+        study: its own `progress` is not used.
+        progress: called before each case is measured, with the number done and the number of all.
+
+    Raises:
+        InputError: as :func:`compare`.
+    """
     cases = [
-        Case(mechanism.name, name, preset)
-        for mechanism in study.mechanisms
-        for name in study.every_engine
-        for preset in study.presets
+        Case(m.name, name, preset) for m in study.mechanisms for name in study.every_engine for preset in study.presets
     ]
-    return _compared(study, cases, progress)
-
-
-def _compared(study: Study, cases: list[Case], progress: Callable[[Case, int, int], None] | None) -> Comparison:
     # Every engine is made before the first run, so that a wrong name or option costs no waiting.
     engines = {(c.engine, c.preset): study.engine(c.engine, c.preset) for c in cases}
     with study.worker() as worker:
         machines = {m.name: _MachineRuns(study, m, worker) for m in study.mechanisms}
-        for done, case in enumerate(cases):
-            if progress is not None:
-                progress(case, done, len(cases))
-            machines[case.model].run(case, engines[case.engine, case.preset])
+
+        def simulated(case: Case) -> _RunRecord | _Simulated:
+            return machines[case.model].simulated(case, engines[case.engine, case.preset])
+
+        with closing(_in_order(simulated, cases, study.jobs)) as results:
+            for done, case in enumerate(cases):
+                if progress is not None:
+                    progress(case, done, len(cases))
+                machines[case.model].add(case, engines[case.engine, case.preset], next(results))
         pairs = [pair for runs in machines.values() for pair in runs.pairs()]
     return Comparison(
         Results.made_here(
@@ -157,6 +170,18 @@ def _compared(study: Study, cases: list[Case], progress: Callable[[Case, int, in
         OnDemand({(name, label): make for name, runs in machines.items() for label, make in runs.motions.items()}),
         all(runs.repeated for runs in machines.values()),
     )
+
+
+def _in_order(function: Callable[[_K], _V], items: Sequence[_K], jobs: int) -> Generator[_V]:
+    """The function's values in the order of the items, each computed when asked for, or by that many threads."""
+    if jobs == 1:
+        yield from map(function, items)
+        return
+    threads = ThreadPoolExecutor(jobs)
+    try:
+        yield from threads.map(function, items)
+    finally:  # no further run is started when this is left early
+        threads.shutdown(wait=False, cancel_futures=True)
 
 
 class _MachineRecord(Spec):
@@ -174,6 +199,23 @@ class _RunRecord(Spec):
     trajectory: str
     """SHA-256 of the trajectory's file."""
     run: Run
+
+
+@dataclass(frozen=True)
+class _Simulated:
+    """What an engine did with a case."""
+
+    equality: Equality | None
+    diagnosis: Diagnosis | None
+    trajectory: Trajectory | None = None
+    error: Exception | None = None
+
+    def motion(self) -> Trajectory:
+        """The trajectory; raises the engine's error where there is none."""
+        if self.error is not None:
+            raise self.error
+        assert self.trajectory is not None
+        return self.trajectory
 
 
 class _MachineRuns:
@@ -196,31 +238,46 @@ class _MachineRuns:
         self.machine = self._kept.machine if self._kept else _machine_row(self.runner)
         self.repeated = self._kept is not None
 
-    def run(self, case: Case, engine: Engine) -> None:
-        """Run an engine, or take its finished run from the store."""
-        run = self._finished(case, engine)
-        if run is None:
-            self.repeated = False
-            run = self._new(case, engine)
-        self.runs.append(run)
+    def simulated(self, case: Case, engine: Engine) -> _RunRecord | _Simulated:
+        """The finished run from the store, or what the engine does now; may be called from several threads."""
+        record = self._finished(case, engine)
+        if record is not None:
+            return record
+        equality, diagnosis = None, None
+        try:
+            equality, diagnosis = self.runner.worker.call(check_and_diagnose, engine, self.runner.mechanism)
+            trajectory = self._trajectory(case, engine) if equality.holds else None
+        except Exception as error:
+            return _Simulated(equality, diagnosis, error=error)
+        return _Simulated(equality, diagnosis, trajectory)
 
-    def _finished(self, case: Case, engine: Engine) -> Run | None:
+    def add(self, case: Case, engine: Engine, found: _RunRecord | _Simulated) -> None:
+        """Take a finished run over, or measure a new one; in the order of the cases."""
+        if isinstance(found, _RunRecord):
+            self._files[case.label] = found.trajectory
+            self.motions[case.label] = lambda: self._load(case)
+            self.runs.append(found.run)
+        else:
+            self.repeated = False
+            self.runs.append(self._measured(case, engine, found))
+
+    def _load(self, case: Case) -> Trajectory:
+        assert self.store is not None
+        return self.store.load(case.model, case.label)
+
+    def _finished(self, case: Case, engine: Engine) -> _RunRecord | None:
         if self.store is None:
             return None
-        store, path = self.store, self.store.path(case.model, case.label)
-        record = store.record(path.stem, _RunRecord)
+        path = self.store.path(case.model, case.label)
+        record = self.store.record(path.stem, _RunRecord)
         if record is None or record.conditions != self._run_conditions(case, engine):
             return None
-        if record.trajectory != digest(path):
-            return None
-        self._files[case.label] = record.trajectory
-        self.motions[case.label] = lambda: store.load(case.model, case.label)
-        return record.run
+        return record if record.trajectory == digest(path) else None
 
     def _run_conditions(self, case: Case, engine: Engine) -> tuple[str, ...]:
         return self._conditions, engine_class(case.engine).version(), repr(sorted(engine.settings.items()))
 
-    def _new(self, case: Case, engine: Engine) -> Run:
+    def _measured(self, case: Case, engine: Engine, found: _Simulated) -> Run:
         run = Run(
             model=case.model,
             engine=case.engine,
@@ -228,13 +285,13 @@ class _MachineRuns:
             outcome=Outcome.OK,
             engine_version=engine_class(case.engine).version(),
             settings=engine.settings,
+            equality=found.equality,
+            diagnosis=found.diagnosis,
         )
+        if found.equality is not None and not found.equality.holds:
+            return run.model_copy(update={"outcome": Outcome.UNEQUAL, "message": _unequal(found.equality)})
         try:
-            equality, diagnosis = self.runner.worker.call(check_and_diagnose, engine, self.runner.mechanism)
-            run = run.model_copy(update={"equality": equality, "diagnosis": diagnosis})
-            if not equality.holds:
-                return run.model_copy(update={"outcome": Outcome.UNEQUAL, "message": _unequal(equality)})
-            trajectory = self._trajectory(case, engine)
+            trajectory = found.motion()
             reference = self.runner.reference(trajectory.t)
             metrics = measure(trajectory, self.runner.solution, self.runner.end, reference)
         except Exception as error:

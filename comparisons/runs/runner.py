@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from queue import SimpleQueue
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -68,7 +69,7 @@ def block_sigint() -> Generator[None, None, None]:
 
 @dataclass
 class Worker:
-    """One process that simulates, started when first needed and again after each crash.
+    """Processes that simulate, each started when first needed and again after a crash.
 
     loky, not multiprocessing: it needs no `if __name__ == "__main__"` in the caller's script.
     """
@@ -77,14 +78,22 @@ class Worker:
     """Longest wait for one run [s]."""
     isolate: bool = True
     """False: simulate in this process, without a limit of time."""
-    _pool: Any = field(default=None, init=False)
+    jobs: int = 1
+    """Processes: calls from as many threads are served at once."""
+    _started: list[Any] = field(default_factory=list[Any], init=False)
+    _idle: SimpleQueue[Any] = field(default_factory=SimpleQueue[Any], init=False)
+    """One entry a process that serves no call; None for one that is not started."""
+
+    def __post_init__(self) -> None:
+        for _ in range(self.jobs):
+            self._idle.put(None)
 
     def simulate(self, runner: Engine, problem: Problem) -> Trajectory:
-        """As :func:`simulate_warm`, in that process; raises as :meth:`call` does."""
+        """As :func:`simulate_warm`, in a process; raises as :meth:`call` does."""
         return self.call(simulate_warm, runner, problem)
 
     def call(self, function: Callable[[_Runner, _Given], _Result], runner: _Runner, given: _Given) -> _Result:
-        """Call a module's function on an engine, or on whatever has a name for messages, in that process.
+        """Call a module's function on an engine, or on whatever has a name for messages, in a process.
 
         Raises:
             SimulationError: the engine ended its process (a crash of its compiled code, or out of memory), or did
@@ -92,24 +101,35 @@ class Worker:
         """
         if not self.isolate:
             return function(runner, given)
-        if self._pool is None:
-            self._pool = ProcessPoolExecutor(max_workers=1)
-        with block_sigint():
-            future = self._pool.submit(function, runner, given)
+        pool = self._idle.get() or self._start()
         try:
+            with block_sigint():
+                future = pool.submit(function, runner, given)
             return future.result(self.timeout)
-        except TerminatedWorkerError:
-            self.close()
-            raise SimulationError(f"{runner.name} crashed: its process ended by itself.") from None
-        except TimeoutError:
-            self.close()
-            raise SimulationError(f"{runner.name} did not finish within {self.timeout:g} s and was stopped.") from None
+        except (TerminatedWorkerError, TimeoutError) as error:
+            pool = self._end(pool)
+            crashed = isinstance(error, TerminatedWorkerError)
+            why = "crashed: its process ended by itself" if crashed else self._too_long
+            raise SimulationError(f"{runner.name} {why}.") from None
+        finally:
+            self._idle.put(pool)
+
+    @property
+    def _too_long(self) -> str:
+        return f"did not finish within {self.timeout:g} s and was stopped"
+
+    def _start(self) -> Any:
+        self._started.append(ProcessPoolExecutor(max_workers=1))
+        return self._started[-1]
+
+    def _end(self, pool: Any) -> None:
+        self._started.remove(pool)
+        pool.shutdown(wait=False, kill_workers=True)
 
     def close(self) -> None:
-        """End the process."""
-        if self._pool is not None:
-            self._pool.shutdown(wait=False, kill_workers=True)
-            self._pool = None
+        """End the processes."""
+        for pool in list(self._started):
+            self._end(pool)
 
     def __enter__(self) -> Worker:
         return self

@@ -50,11 +50,18 @@ class Study:
     """Simulate in a process of its own, so that an engine's crash costs only its row."""
     timeout: float = 600.0
     """Longest wait for one isolated run [s]."""
+    jobs: int = 1
+    """Engine runs made at once by a study whose runs do not depend on each other; wall times then include the waiting
+    for each other."""
     progress: Progress | None = None
 
     def __post_init__(self) -> None:
         if not self.timeout > 0:
             raise InputError(f"timeout = {self.timeout!r} s must be positive.")
+        if self.jobs < 1:
+            raise InputError(f"jobs = {self.jobs!r} must be at least 1.")
+        if self.jobs > 1 and not self.isolate:
+            raise InputError(f"jobs = {self.jobs} needs isolated runs; in this process they are made one at a time.")
         for name, what in (("models", "model"), ("engines", "engine"), ("presets", "preset")):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, _unique(getattr(self, name), what))
@@ -103,8 +110,8 @@ class Study:
         return engine(name, preset, **self.options)
 
     def worker(self) -> Worker:
-        """The process in which engines run; this one, unless they are isolated."""
-        return Worker(self.timeout, self.isolate)
+        """The processes in which engines run; this one, unless they are isolated."""
+        return Worker(self.timeout, self.isolate, self.jobs)
 
 
 def _unique(names: Iterable[Any], what: str) -> tuple[Any, ...]:

@@ -15,7 +15,7 @@ import plugins
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.compare.report import document
-from trebucheck.comparisons.compare.study import Case, Comparison
+from trebucheck.comparisons.compare.study import Case, Comparison, compare_study
 from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.runs.metrics import measure
 from trebucheck.comparisons.runs.results import Metric, Outcome, Results, Run
@@ -224,6 +224,22 @@ def test_a_crashing_engine_costs_its_row_only() -> None:
 
 
 @pytest.mark.usefixtures("third_party")
+def test_several_runs_at_once_give_the_same_results(tmp_path: Path) -> None:
+    """One that crashes costs its row only, a finished one is taken from the store, and rows keep their order."""
+    store = Store(tmp_path / "trajectories", records=tmp_path / "runs")
+    study = Study(["fixed"], ["crasher", "reference", "echo"], ["tuned"], store=store)
+    one_at_a_time = compare_study(study).results
+    for jobs, resume in ((2, True), (3, False)):
+        again = compare_study(replace(study, jobs=jobs, store=replace(store, resume=resume)))
+        assert _without_times(again.results) == _without_times(one_at_a_time)
+
+
+def _without_times(results: Results) -> Results:
+    runs = tuple(run.model_copy(update={"wall_time": None}) for run in results.runs)
+    return results.model_copy(update={"runs": runs})
+
+
+@pytest.mark.usefixtures("third_party")
 def test_an_engine_that_never_ends_is_stopped() -> None:
     comparison = _compare(engines=["sleeper"], isolate=True, timeout=1.0)
     (failed,) = comparison.results.runs
@@ -402,6 +418,8 @@ def test_a_file_that_is_no_trajectory_is_said(tmp_path: Path) -> None:
         ({"presets": []}, "no preset was named"),
         ({"engines": ["mujoko"]}, "did you mean 'mujoco'"),
         ({"timeout": 0.0}, "timeout = 0.0 s must be positive"),
+        ({"jobs": 0}, "jobs = 0 must be at least 1"),
+        ({"jobs": 2, "isolate": False}, "jobs = 2 needs isolated runs"),
         ({"timeout": float("nan")}, "timeout = nan s must be positive"),
     ],
 )
