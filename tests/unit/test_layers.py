@@ -1,25 +1,57 @@
-"""The house: imports run one way, modules stay readable, engines stay behind their own door."""
+"""The house: imports run one way and never in circles, modules stay readable, engines stay behind their own door."""
 
 from __future__ import annotations
 
 import ast
+import statistics
 from collections.abc import Iterator
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
 LAYERS = ("models", "reference", "engines", "comparisons", "paper", "cli")
-ENGINE_LIBRARIES = {"mujoco", "pymunk", "exudyn"}
+ENGINES = ("mujoco", "pymunk", "exudyn")
 MODULES = sorted(path for layer in LAYERS for path in (ROOT / layer).rglob("*.py"))
-ALLOWED = {
-    "models": {"models"},
-    "reference": {"models", "reference"},
-    "engines": {"models", "engines"},
-    "comparisons": {"models", "reference", "engines", "comparisons"},
-    "paper": {"models", "reference", "engines", "comparisons", "paper"},
-    "cli": {"models", "reference", "engines", "comparisons", "paper", "cli"},
-}
+FRONT = [ROOT / "__init__.py", ROOT / "__main__.py", ROOT / "version.py"]
+
+RANKS: tuple[tuple[str, ...], ...] = (
+    ("models",),
+    ("models/machines", "models/mjcf"),
+    ("reference", "engines"),
+    ("reference/taylor", "reference/throw", "engines/mujoco", "engines/pymunk", "engines/exudyn"),
+    ("reference/certification",),
+    ("engines/reference",),
+    ("comparisons/runs",),
+    ("comparisons/equivalence", "comparisons/report"),
+    ("comparisons/diagnosis", "comparisons"),
+    (
+        "comparisons/compare",
+        "comparisons/converge",
+        "comparisons/explain",
+        "comparisons/recommend",
+        "comparisons/throw",
+    ),
+    ("paper/evidence",),
+    ("paper/identification", "paper/drag", "paper/machines"),
+    ("paper/sweep",),
+    ("paper/design",),
+    ("paper/rows",),
+    ("paper",),
+    ("cli",),
+)
+"""Folders from the ground up: a module imports from its own folder and from lower ranks, never from beside or above."""
+
+
+def _name(path: Path) -> str:
+    """Dotted name of a module from the package's root; of a package's `__init__`, the package's."""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+NAMES = {_name(path): path for path in (*MODULES, *FRONT)}
 
 
 def _imports(path: Path) -> Iterator[tuple[str, bool]]:
@@ -33,29 +65,98 @@ def _imports(path: Path) -> Iterator[tuple[str, bool]]:
                 yield alias.name, id(node) in top
         elif isinstance(node, ast.ImportFrom):
             base = package[: len(package) - node.level + 1] if node.level else ()
-            yield ".".join([*base, node.module or ""]), id(node) in top
+            module = ".".join([*base, node.module] if node.module else base)
+            inner = [f"{module}.{alias.name}".lstrip(".") for alias in node.names]
+            # `from . import module` imports the module, `from .module import name` that module.
+            for name in {name if name in NAMES else module for name in inner} if node.level else {module}:
+                yield name, id(node) in top
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
+@cache
+def _graph() -> dict[str, set[str]]:
+    """Modules of the package that each module imports, at whatever level; also those only for type checkers."""
+    return {
+        name: {other for other, _ in _imports(path) if other in NAMES and other != name} for name, path in NAMES.items()
+    }
+
+
+def _rank(folder: str) -> int:
+    return next(i for i, row in enumerate(RANKS) if folder in row)
+
+
+def _folder(name: str) -> str:
+    return NAMES[name].parent.relative_to(ROOT).as_posix()
+
+
+modules = pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
+
+
+@modules
 def test_imports_run_one_way(path: Path) -> None:
-    layer = path.relative_to(ROOT).parts[0]
-    allowed = ALLOWED[layer] | ({"reference"} if path.parts[-3:-1] == ("engines", "reference") else set())
+    own = path.parent.relative_to(ROOT).as_posix()
     for name, at_module_level in _imports(path):
         first = name.split(".")[0]
         assert first != "trebucheck", f"{path.name} imports {name} absolutely; inside, imports are relative"
-        if first in LAYERS:
-            assert first in allowed, f"{layer}/{path.name} imports {name}"
-        if first in ENGINE_LIBRARIES and at_module_level:
-            assert layer == "engines" and path.parent.name == first, f"{path.name} imports {first}"
+        if name in NAMES and name != "version" and _folder(name) != own:
+            assert _folder(name) != ".", f"{own}/{path.name} imports the front door"
+            assert _rank(_folder(name)) < _rank(own), f"{own}/{path.name} imports {name}"
+        if first in ENGINES and at_module_level and name not in NAMES:
+            assert own == f"engines/{first}", f"{path.name} imports {first}"
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_only_the_reference_engine_imports_the_reference() -> None:
+    for path in MODULES:
+        own = path.parent.relative_to(ROOT).as_posix()
+        if own.startswith("engines") and own != "engines/reference":
+            assert not any(name.startswith("reference") for name, _ in _imports(path) if name in NAMES), path
+
+
+def test_every_folder_has_a_rank() -> None:
+    ranked = [folder for row in RANKS for folder in row]
+    assert len(ranked) == len(set(ranked))
+    assert {path.parent.relative_to(ROOT).as_posix() for path in MODULES} == {f for f in ranked if (ROOT / f).is_dir()}
+    assert all((ROOT / folder).is_dir() for folder in ranked)
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    inside = {name: others - {""} for name, others in _graph().items() if name}
+    try:
+        TopologicalSorter(inside).prepare()
+    except CycleError as circle:
+        pytest.fail(" -> ".join(circle.args[1]))
+
+
+def test_every_module_is_imported() -> None:
+    """By another module, or by name: the front door's names and the registry's engines are loaded when asked for."""
+    asked_for = (ROOT / "__init__.py").read_text() + (ROOT / "engines" / "registry.py").read_text()
+    imported = {other for others in _graph().values() for other in others}
+    alone = [
+        name
+        for name, path in NAMES.items()
+        if path not in FRONT and path.name != "__init__.py" and name not in imported
+        if f'"{name}"' not in asked_for and f'"{name.removeprefix("engines.")}"' not in asked_for
+    ]
+    assert not alone
+
+
+@modules
 def test_a_module_can_be_read_at_a_sitting(path: Path) -> None:
     text = path.read_text()
     assert text.count("\n") <= 400
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.FunctionDef):
             assert (node.end_lineno or 0) - node.lineno < 60, f"{path.name}: {node.name}"
+
+
+def test_functions_are_short() -> None:
+    lengths = sorted(
+        (node.end_lineno or 0) - node.lineno + 1
+        for path in MODULES
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.FunctionDef)
+    )
+    assert statistics.median(lengths) <= 8
+    assert lengths[int(0.9 * len(lengths))] <= 20
 
 
 def test_every_package_is_shipped() -> None:
@@ -99,7 +200,7 @@ def test_no_engine_is_named_outside_its_room(path: Path) -> None:
     if str(path.relative_to(ROOT)) in HELP_TEXTS:
         return
     for line, text in _names_and_texts(path):
-        named = [name for name in ENGINE_LIBRARIES if name in text.lower()]
+        named = [name for name in ENGINES if name in text.lower()]
         assert not named, f"{path.relative_to(ROOT)}:{line} names {named[0]}: {text[:60]!r}"
 
 
@@ -107,4 +208,4 @@ def test_only_the_registry_names_the_engines_in_the_engines_own_room() -> None:
     for path in (ROOT / "engines").glob("*.py"):
         if path.name != "registry.py":
             for line, text in _names_and_texts(path):
-                assert not any(name in text.lower() for name in ENGINE_LIBRARIES), f"engines/{path.name}:{line}: {text}"
+                assert not any(name in text.lower() for name in ENGINES), f"engines/{path.name}:{line}: {text}"
