@@ -12,13 +12,13 @@ import plotly.graph_objects as go
 import trebucheck as tb
 from plotly.subplots import make_subplots
 from trebucheck.comparisons.compare import plots as figures
-from trebucheck.comparisons.compare.report import QUANTITIES, difference_row
+from trebucheck.comparisons.compare.report import DIFFERENCES
 from trebucheck.comparisons.compare.study import Comparison
 from trebucheck.comparisons.converge.results import Studies
 from trebucheck.comparisons.explain.results import Explanation
 from trebucheck.comparisons.recommend import Advice
 from trebucheck.comparisons.report import markdown
-from trebucheck.comparisons.report.document import Column, Document, table
+from trebucheck.comparisons.report.document import Document, table
 from trebucheck.comparisons.runs.results import Results
 from trebucheck.models.machines.registry import models
 from trebucheck.models.mechanism import mechanism_schema
@@ -33,11 +33,10 @@ OTHERS = tuple(name for name in models() if name not in ("fixed", "rolling"))
 
 def agreement_table(comparison: Comparison) -> str:
     """The README's tables, one a machine, in Markdown."""
-    columns = (Column("engine"), Column("step", "s"), *(quantity.column for quantity in QUANTITIES))
     tables = []
     for machine in comparison.results.machines:
         runs = (run for run in comparison.results.runs if run.model == machine.model and run.engine != "reference")
-        tables.append(table(columns, map(difference_row, runs), f"{machine.model.capitalize()} machine"))
+        tables.append(table(DIFFERENCES, runs, f"{machine.model.capitalize()} machine"))
     return markdown.text(Document("", tuple(tables)))
 
 

@@ -4,27 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from ...models.machines.trebuchet import parameters_of
 from ...reference.certification.certificate import load_certificate
-from ..report.document import (
-    Block,
-    Cell,
-    Column,
-    Document,
-    Fold,
-    Heading,
-    Listing,
-    Mark,
-    Medium,
-    Note,
-    Table,
-    Text,
-    columns,
-    page_only,
-    table,
-    terminal_only,
-)  # fmt: skip
+from ..report import document as doc
+from ..report.document import Block, Cell, Column, Document, Heading, Mark, Note, Table, Text, mark_of, page_only, table
 from ..report.numbers import format_number, format_step
 from ..report.sections import certified_figures, provenance
 from ..runs.results import Cause, Equality, Machine, Metric, Outcome, Pair, Results, Run
@@ -77,8 +62,8 @@ class Quantity:
 
     @property
     def column(self) -> Column:
-        """Its column."""
-        return Column(self.title, self.unit, short=self.short, medium="any" if self.short else "page")
+        """Its column in a table of runs."""
+        return Column(self.title, self.unit, short=self.short, of=self.cell, medium="any" if self.short else "page")
 
     def metrics(self, run: Run) -> list[Metric]:
         """Those it stands for."""
@@ -86,8 +71,7 @@ class Quantity:
 
     def value(self, run: Run) -> float | None:
         """The largest; None if one is missing, or the run has none."""
-        values = [None if m.value is None else abs(m.value) for m in self.metrics(run)]
-        return None if None in values else max((value for value in values if value is not None), default=None)
+        return _largest(m.value for m in self.metrics(run))
 
     def cell(self, run: Run) -> Cell:
         """The value, with its unit where that is not the column's, marked by its tolerances."""
@@ -96,7 +80,13 @@ class Quantity:
             return Cell("")
         other = "" if value is None else "".join({f" {m.unit}" for m in metrics} - {f" {self.unit}"})
         verdicts = {m.holds for m in metrics} - {None}
-        return Cell(format_number(value) + other, "plain" if not verdicts else "good" if all(verdicts) else "bad")
+        return Cell(format_number(value) + other, mark_of(all(verdicts) if verdicts else None))
+
+
+def _largest(values: Iterable[float | None]) -> float | None:
+    """Magnitude of the largest; None if one is missing, or all are."""
+    sizes = [None if value is None else abs(value) for value in values]
+    return None if None in sizes else max((size for size in sizes if size is not None), default=None)
 
 
 QUANTITIES = (
@@ -110,23 +100,29 @@ QUANTITIES = (
     Quantity("energy", "1", "energy_drift", short="energy"),
 )
 
+DIFFERENCES = (
+    Column("engine", of=lambda run: run.label),
+    Column("step", "s", of=lambda run: format_step(run.settings.get("timestep"))),
+    *(quantity.column for quantity in QUANTITIES),
+)
+"""Columns of a table of runs: engine, step, and the quantities."""
+
 
 def document(comparison: Comparison) -> Document:
     """The whole of it; the terminal has the tables in short, what broke, and the verdict at its end."""
     results = comparison.results
-    findings = Listing(tuple(_findings(results)))
-    verdict_text = Text(verdict(results), "good" if results.passed else "bad")
+    findings = doc.Listing(tuple(_findings(results)))
     blocks: list[Block] = [
         Note("How far can you trust a multibody engine, and why does it differ?"),
-        page_only(verdict_text),
+        Text(verdict(results), mark_of(results.passed), medium="page"),
         page_only(findings),
         Note(_INTRODUCTION),
     ]
     for machine in results.machines:
         blocks += _chapter(comparison, machine)
     runs = ((run.model, run.label, run.engine_version, run.settings) for run in results.runs)
-    end = provenance(results, runs, [(machine.model, machine.mechanism) for machine in results.machines])
-    blocks += [*end, terminal_only(findings), terminal_only(Text(verdict(results)))]
+    blocks += provenance(results, runs, [(machine.model, machine.mechanism) for machine in results.machines])
+    blocks += [doc.terminal_only(findings), Text(verdict(results), medium="terminal")]
     return Document("trebucheck", tuple(blocks), "trebucheck report")
 
 
@@ -169,12 +165,10 @@ def diagnosis(run: Run) -> list[str]:
     found = run.diagnosis
     if found is None:
         return []
-    holding = ", ".join(found.holding) or "no stop"
-    when = (
-        "before any motion"
-        if found.parts_at is None
-        else f"from t = {found.parts_at:.6g} s, while {holding} held in the reference"
-    )
+    when = "before any motion"
+    if found.parts_at is not None:
+        holding = ", ".join(found.holding) or "no stop"
+        when = f"from t = {found.parts_at:.6g} s, while {holding} held in the reference"
     likely = "; ".join(_suspicion(cause) for cause in found.causes[:3]) or "no suspect accounts for it"
     return [f"differs from the reference {when}, first in {found.leads}. Likeliest: {likely}."]
 
@@ -190,18 +184,21 @@ def _chapter(comparison: Comparison, machine: Machine) -> list[Block]:
     pairs = [pair for pair in comparison.results.pairs if pair.model == machine.model]
     return [
         Heading(f"{machine.model.capitalize()} machine", 2, machine.model),
-        page_only(Text(" ".join(_reference_sentences(machine)))),
+        Text(" ".join(_reference_sentences(machine)), medium="page"),
         Heading("How far the reference is known"),
         *_uncertainty(machine),
         Heading("Model-equivalence check"),
         Note(_EQUIVALENCE),
-        _equivalence(runs),
+        table(_EQUIVALENCE_COLUMNS, [run for run in runs if run.equality], _EQUIVALENCE_CAPTION, "page"),
         Heading("Agreement with the reference"),
         _agreement(machine, runs),
         Note(_QUANTITIES),
         *(_pairs(pairs) if pairs else ()),
         *plots.figures(comparison, machine),
-        Fold("Every metric of every run, with tolerances and their reasons", tuple(map(_metrics, runs))),
+        doc.Fold(
+            "Every metric of every run, with tolerances and their reasons",
+            tuple(table(_METRIC_COLUMNS, run.metrics, run.label) for run in runs),
+        ),
     ]
 
 
@@ -229,12 +226,11 @@ def _uncertainty(machine: Machine) -> tuple[Block, ...]:
     certificate = load_certificate(machine.mechanism)
     if certificate is None:
         known = (f"{format_number(v)} in {k}" for k, v in machine.reference_uncertainty.items() if "(" not in k)
-        return (
-            Note(
-                "This machine has no certificate (`trebucheck certify` makes one). By a second integration at a "
-                f"coarser tolerance the reference is known to {', '.join(known)} (SI units)."
-            ),
+        text = (
+            "This machine has no certificate (`trebucheck certify` makes one). By a second integration at a coarser "
+            f"tolerance the reference is known to {', '.join(known)} (SI units)."
         )
+        return (Note(text),)
     figures = [f for f in certificate.figures if f.name in _CERTIFIED and f.time is None]
     paper = "" if parameters_of(machine.mechanism) is None else " and the paper's own equations"
     text = (
@@ -245,98 +241,80 @@ def _uncertainty(machine: Machine) -> tuple[Block, ...]:
     return page_only(certified_figures(figures, "Certified values")), Note(text)
 
 
-def _equivalence(runs: Sequence[Run]) -> Table:
-    rows = [
-        (run.label, *(_check(run.equality, kind) for kind in _CHECKS), run.equality.states, _equal(run.equality))
-        for run in runs
-        if run.equality is not None
-    ]
-    caption = "Largest relative differences of the built models to the reference's equations"
-    return table(["engine", *_CHECKS, "states", "verdict"], rows, caption, "page")
-
-
-def _check(equality: Equality, kind: str) -> Cell:
+def _check(run: Run, kind: str) -> Cell:
     """The worst of a kind of checks; a dash where the engine does not expose it."""
-    checks = [check for check in equality.checks if check.name == kind]
+    checks = [check for check in run.equality.checks if check.name == kind] if run.equality else []
     if not checks:
         return Cell("–")
-    values = [check.value for check in checks]
-    worst = None if None in values else max(value for value in values if value is not None)
-    return Cell(format_number(worst), "good" if all(check.holds for check in checks) else "bad")
+    return Cell(format_number(_largest(check.value for check in checks)), mark_of(all(check.holds for check in checks)))
 
 
 def _equal(equality: Equality) -> Cell:
-    mark: Mark = "bad" if not equality.holds else "good" if equality.exposed else "warning"
-    return Cell(equality.note or ("equivalent" if equality.holds else "another model"), mark)
+    mark: Mark = "good" if equality.exposed else "warning"
+    text = equality.note or ("equivalent" if equality.holds else "another model")
+    return Cell(text, mark if equality.holds else "bad")
 
 
-def _agreement(machine: Machine, runs: Sequence[Run]) -> Table:
-    quantities = (quantity.column for quantity in QUANTITIES)
-    end = (*columns("wall [s] | (steps) | (outcome)"), Column("", medium="terminal"))
-    heads = (*columns("engine | step [s]"), *quantities, *end)
-    launch = (
-        "no launch"
-        if machine.launch_time is None or machine.launch_speed is None
-        else f"launch {machine.launch_time:.4f} s, {machine.launch_speed:.3f} m/s"
+_EQUIVALENCE_CAPTION = "Largest relative differences of the built models to the reference's equations"
+_EQUIVALENCE_COLUMNS = (
+    Column("engine", of=lambda run: run.label),
+    *(Column(kind, of=partial(_check, kind=kind)) for kind in _CHECKS),
+    Column("states", of=lambda run: run.equality.states),
+    Column("verdict", of=lambda run: _equal(run.equality)),
+)
+
+
+def _agreement(machine: Machine, runs: Iterable[Run]) -> Table:
+    heads = (
+        *DIFFERENCES,
+        Column("wall", "s", of=lambda run: "–" if run.wall_time is None else f"{run.wall_time:.2f}"),
+        Column("steps", of=lambda run: run.steps, medium="page"),
+        Column("outcome", of=lambda run: Cell(run.outcome.value, _OUTCOMES[run.outcome][1]), medium="page"),
+        Column("", of=lambda run: Cell(*_OUTCOMES[run.outcome]), medium="terminal"),
     )
-    caption = f"{machine.model}: largest differences to the reference ({launch})"
-    return table(heads, map(_agreement_row, runs), caption)
-
-
-def _agreement_row(run: Run) -> tuple[object, ...]:
-    short, mark = _OUTCOMES[run.outcome]
-    wall = "–" if run.wall_time is None else f"{run.wall_time:.2f}"
-    outcome = Cell(run.outcome.value, mark), Cell(short, mark)
-    return *difference_row(run), wall, run.steps, *outcome
-
-
-def difference_row(run: Run) -> tuple[str | Cell, ...]:
-    """Engine, step and the quantities of a run."""
-    return run.label, format_step(run.settings.get("timestep")), *(quantity.cell(run) for quantity in QUANTITIES)
+    launch = "no launch"
+    if machine.launch_time is not None and machine.launch_speed is not None:
+        launch = f"launch {machine.launch_time:.4f} s, {machine.launch_speed:.3f} m/s"
+    return table(heads, runs, f"{machine.model}: largest differences to the reference ({launch})")
 
 
 def _pairs(pairs: Sequence[Pair]) -> tuple[Block, ...]:
     tuned = [pair for pair in pairs if pair.first.endswith("tuned") and pair.second.endswith("tuned")]
+    every = table(_PAIR_COLUMNS, pairs, "Engine against engine, all pairs")
     return (
         Heading("Engine against engine"),
         _matrix(pairs),
-        Fold("With release times and launch speeds", (_pair_table(pairs, "Engine against engine, all pairs", "any"),)),
-        _pair_table(tuned, "engine against engine (tuned; the report has all)", "terminal"),
+        doc.Fold("With release times and launch speeds", (every,)),
+        table(_PAIR_COLUMNS, tuned, "engine against engine (tuned; the report has all)", "terminal"),
     )
 
 
-def _pair_table(pairs: Iterable[Pair], caption: str, medium: Medium) -> Table:
-    rows = (
-        (
-            pair.first,
-            pair.second,
-            format_number(pair.position_max),
-            format_number(pair.release_time_max),
-            format_number(None if pair.launch_speed is None else abs(pair.launch_speed)),
-        )
-        for pair in pairs
-    )
-    return table("first | second | position [m] | release [s] | speed [m/s]", rows, caption, medium)
+_PAIR_COLUMNS = (
+    Column("first", of=lambda pair: pair.first),
+    Column("second", of=lambda pair: pair.second),
+    Column("position", "m", of=lambda pair: format_number(pair.position_max)),
+    Column("release", "s", of=lambda pair: format_number(pair.release_time_max)),
+    Column("speed", "m/s", of=lambda pair: format_number(_largest([pair.launch_speed]))),
+)
 
 
 def _matrix(pairs: Sequence[Pair]) -> Table:
     """Distances above the diagonal."""
-    distances = {(pair.first, pair.second): pair.position_max for pair in pairs}
+    distances = {(pair.first, pair.second): format_number(pair.position_max) for pair in pairs}
     labels = list(dict.fromkeys([*(first for first, _ in distances), *(second for _, second in distances)]))
-    rows = [
-        (row, *(format_number(distances[row, other]) if (row, other) in distances else "" for other in labels[1:]))
-        for row in labels[:-1]
-    ]
-    caption = "Largest distance between the two projectiles [m]"
-    return table(["engine", *labels[1:]], rows, caption, "page")
+    rows = [(first, *(distances.get((first, second), "") for second in labels[1:])) for first in labels[:-1]]
+    return table(["engine", *labels[1:]], rows, "Largest distance between the two projectiles [m]", "page")
 
 
-def _metrics(run: Run) -> Table:
-    return table("metric | value | unit | tolerance | reason", map(_metric_row, run.metrics), run.label)
-
-
-def _metric_row(metric: Metric) -> tuple[object, ...]:
-    mark: Mark = "plain" if metric.holds is None else "good" if metric.holds else "bad"
+def _metric_value(metric: Metric) -> Cell:
     text = (metric.note or "–") if metric.value is None else f"{metric.value:.6e}"
-    reason = metric.reason or (metric.note if metric.value is not None else None) or ""
-    return metric.label, Cell(text, mark), metric.unit, format_number(metric.tolerance), reason
+    return Cell(text, mark_of(metric.holds))
+
+
+_METRIC_COLUMNS = (
+    Column("metric", of=lambda metric: metric.label),
+    Column("value", of=_metric_value),
+    Column("unit", of=lambda metric: metric.unit),
+    Column("tolerance", of=lambda metric: format_number(metric.tolerance)),
+    Column("reason", of=lambda metric: metric.reason or (metric.value is not None and metric.note) or ""),
+)

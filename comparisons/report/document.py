@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from .numbers import format_value
 
@@ -97,7 +97,8 @@ class Column(Placed):
     """A column of a table.
 
     `short` is the title in a terminal, where that has to be another; neighbours of one `group` share a heading on the
-    page. What is None follows from the cells: numbers stand to the right, and texts with spaces may be wrapped.
+    page. `of` gives the value for the object that a row is about. Where `align` and `wrap` are None, they follow from
+    the cells: numbers stand to the right, and texts with spaces may be wrapped.
     """
 
     title: str
@@ -106,6 +107,7 @@ class Column(Placed):
     short: str = ""
     group: str = ""
     wrap: bool | None = None
+    of: Callable[[Any], object] = str
 
     @property
     def heading(self) -> str:
@@ -191,20 +193,27 @@ class Table(Placed):
 
 def table(
     heads: str | Sequence[Column | str],
-    rows: Iterable[Row | Sequence[object]],
+    rows: Iterable[object],
     caption: str = "",
     medium: Medium = "any",
 ) -> Table:
-    """A table from plain values: a cell is a `Cell` or a value that `format_value` shows.
+    """A table of rows, of sequences of values, or of objects that the columns have their values of.
 
+    A value is a `Cell` or what `format_value` shows.
     The heads are columns or their titles, or all titles in a line, as `columns` reads them.
     """
     if isinstance(heads, str):
         heads = columns(heads)
     made = [head if isinstance(head, Column) else _column(head) for head in heads]
-    body = tuple(each if isinstance(each, Row) else row(*each) for each in rows)
+    body = tuple(_row(each, made) for each in rows)
     cells = [[r.cells[i].text for r in body if len(r.cells) == len(made)] for i in range(len(made))]
     return Table(tuple(column.laid_out(i, cells[i]) for i, column in enumerate(made)), body, caption, medium=medium)
+
+
+def _row(each: object, heads: Iterable[Column]) -> Row:
+    if isinstance(each, Row):
+        return each
+    return row(*each) if isinstance(each, tuple) else row(*(column.of(each) for column in heads))
 
 
 def row(*values: object, anchor: str = "", medium: Medium = "any") -> Row:
