@@ -111,8 +111,7 @@ class _Inspector:
 
     def _places(self, reader: Reader) -> FloatArray:
         """Exudyn's coordinates, reference included: x, y, rotation by body, shape (3 n_bodies,)."""
-        columns = [self.solver.columns["body", name, "CoordinatesTotal"] for name in self._names]
-        return np.concatenate([reader.table[0, column] for column in columns])
+        return self.solver.of_bodies(reader.table[0], "CoordinatesTotal")
 
     def _accelerations(self) -> FloatArray:
         """Of q, by Exudyn's outputs: rotations of nodes, and points on slots; shape (n_q,)."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.mechanism import SlotJoint
+from ...models.mechanism import Joint, SlotJoint
 from ...models.trajectory import PointMotion
 from ..contact_events import ContactEvents
 from ..protocol import Recording
@@ -16,12 +16,7 @@ from .build import System
 from .constraints import SensorKey, turned
 
 
-def recording(
-    reader: Reader,
-    torques: Mapping[str, FloatArray],
-    events: ContactEvents,
-    steps: int,
-) -> Recording:
+def recording(reader: Reader, torques: Mapping[str, FloatArray], events: ContactEvents, steps: int) -> Recording:
     """Read a run out.
 
     Args:
@@ -40,8 +35,8 @@ def recording(
         potential_energy=reader.potential_energy(),
         stop_torques=torques,
         release_times=events.releases,
-        joint_reactions={joint.name: reader.reaction(joint.name) for joint in mechanism.joints},
-        joint_gaps={joint.name: reader.gap(joint.name) for joint in mechanism.joints},
+        joint_reactions={joint.name: reader.reaction(joint) for joint in mechanism.joints},
+        joint_gaps={joint.name: reader.gap(joint) for joint in mechanism.joints},
         impacts=tuple(events.impacts),
         steps=steps,
     )
@@ -96,23 +91,18 @@ class Reader:
         torque = self.system.constraints[stop].torque(self.values)
         return torque if release is None else np.where(self.table[:, 0] < release, torque, 0.0)
 
-    def reaction(self, name: str) -> FloatArray:
+    def reaction(self, joint: Joint) -> FloatArray:
         """Force of a joint on its child, world frame [N], shape (n, 2)."""
-        joint = self._joint(name)
         if not isinstance(joint, SlotJoint):
-            return self.plane("joint", name, "Force")
+            return self.plane("joint", joint.name, "Force")
         rotation = self.scalar("body", joint.child, "CoordinatesTotal", 2)
-        return turned(self.plane("joint", name, "ForceLocal"), rotation)
+        return turned(self.plane("joint", joint.name, "ForceLocal"), rotation)
 
-    def gap(self, name: str) -> FloatArray:
+    def gap(self, joint: Joint) -> FloatArray:
         """Constraint drift: distance of a joint's points, or of the point from the slot's line [m], shape (n,)."""
-        joint = self._joint(name)
         if isinstance(joint, SlotJoint):
             return np.abs(self._from_slot(joint) @ np.array([-joint.axis[1], joint.axis[0]]))
-        return np.linalg.norm(self.plane("joint", name, "Displacement"), axis=1)
-
-    def _joint(self, name: str) -> object:
-        return next(joint for joint in self.system.mechanism.joints if joint.name == name)
+        return np.linalg.norm(self.plane("joint", joint.name, "Displacement"), axis=1)
 
     def _along(self, joint: SlotJoint) -> FloatArray:
         return self._from_slot(joint) @ np.array(joint.axis)

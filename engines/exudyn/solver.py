@@ -68,12 +68,12 @@ class Solver:
 
     def state(self, table: FloatArray, row: int) -> State:
         """The state in a row of a table."""
-        bodies = self.system.mechanism.bodies
-        coordinates, rates = (
-            np.concatenate([table[row, self.columns["body", body.name, quantity]] for body in bodies])
-            for quantity in ("Coordinates", "Coordinates_t")
-        )
+        coordinates, rates = (self.of_bodies(table[row], quantity) for quantity in ("Coordinates", "Coordinates_t"))
         return State(float(table[row, 0]), coordinates, rates)
+
+    def of_bodies(self, row: FloatArray, quantity: str) -> FloatArray:
+        """A quantity of all bodies' nodes in a row of a table: x, y, rotation by body, shape (3 n_bodies,)."""
+        return np.concatenate([row[self.columns["body", b.name, quantity]] for b in self.system.mechanism.bodies])
 
     def row(self, time: float) -> FloatArray:
         """All sensors now, as a row of a table."""

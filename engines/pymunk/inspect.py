@@ -25,7 +25,7 @@ from ..inspection import Dynamics, Inspection, State
 from .build import Assembly, Rod, build
 from .leapfrog import STEP, settled_increment
 from .options import PymunkOptions
-from .read import Reading, forces_of, reading_of
+from .read import Reading, as_vectors, forces_of, reading_of
 
 
 def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkOptions) -> Inspection:
@@ -67,7 +67,7 @@ def _dynamics(built: Assembly, state: State, pivot_mass: float) -> Dynamics:
         stop_torques={name: float(torque[0]) for name, torque in forces_of(reading, state.closed).torques.items()},
         mass_matrix=mass,
         forces=forces,
-        centres={body.name: _centre(reading, body.name) for body in placed.bodies},
+        centres={body.name: as_vectors(reading.point(body.name, body.centre).position)[0] for body in placed.bodies},
         stop_gaps={name: _gap(built, placed.stop(name), reading) for name in state.closed},
     )
 
@@ -137,23 +137,19 @@ def _lengthening(rod: Rod) -> float:
     return (along * (b.centripetal - a.centripetal)).real + across**2 / distance
 
 
-def _centre(reading: Reading, body: str) -> FloatArray:
-    position = reading.point(body, reading.mechanism.body(body).centre).position[0]
-    return np.array([position.real, position.imag])
-
-
 def _gap(built: Assembly, stop: Stop | PointStop, reading: Reading) -> float:
     """Gap of a stop [rad or m] at the bodies' present positions, by its joint as it was built at the start."""
     joint = built.stops[stop.name]
+    rod = next((rod for rod in built.rods if rod.joint is joint), None)
     if isinstance(stop, PointStop):
-        rod = next(rod for rod in built.rods if rod.joint is joint)
+        assert rod is not None
         difference = complex(reading.point(stop.body, stop.point).position[0]) - complex(*rod.end_a)
         return (difference * complex(*stop.normal).conjugate()).real - rod.length
     q = {name: float(frame.q[0]) for name, frame in reading.frames.items()} | {GROUND: 0.0}
     between = q[stop.body] - q[stop.relative_to]
-    if isinstance(joint, constraints.GearJoint):
+    if rod is None:
+        assert isinstance(joint, constraints.GearJoint)
         return stop.sense * (between + joint.phase)
-    rod = next(rod for rod in built.rods if rod.joint is joint)
     return stop.sense * math.remainder(between - _braced_angle(built, rod, stop), 2 * math.pi)
 
 

@@ -330,14 +330,10 @@ def _loop_forces(mechanism: Mechanism, multipliers: FloatArray) -> dict[str, Com
     columns = iter(multipliers.T)
     for joint in mechanism.loop_joints:
         if isinstance(joint, SlotJoint):
-            forces[joint.name] = next(columns) * _across(joint)
+            forces[joint.name] = next(columns) * 1j * complex(*joint.axis)
         else:
             forces[joint.name] = next(columns) + 1j * next(columns)
     return forces
-
-
-def _across(slot: SlotJoint) -> complex:
-    return 1j * complex(*slot.axis)
 
 
 def _cross(arm: ComplexArray, force: ComplexArray) -> FloatArray:

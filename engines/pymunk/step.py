@@ -188,8 +188,7 @@ class _EventFinder:
 
     def _opened(self, name: str) -> int | None:
         """Sample from which a contact is inactive; None while it is active."""
-        regimes = [(first, active) for first, active in self.segment.regimes if name not in active]
-        return regimes[0][0] if regimes else None
+        return next((first for first, active in self.segment.regimes if name not in active), None)
 
     def _located(self, name: str, k: int, reading: Reading, first: int) -> _ContactEvent:
         """The event between samples k and k + 1, where a gap is zero."""
