@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from .arrays import ComplexArray, FloatArray
-from .mechanism import GROUND, Mechanism, SlotJoint
+from .mechanism import GROUND, Marker, Mechanism, SlotJoint
 from .spec import Vector
 
 
@@ -133,6 +133,13 @@ class Kinematics:
         """World acceleration [m/s^2] for generalized accelerations a, shape (..., 2)."""
         rates = self.rates(q)
         return _as_vectors((rates * a - 1j * self.is_angle * rates * u**2) @ row.coefficients)
+
+    def point_motion(
+        self, marker: Marker, q: FloatArray, u: FloatArray, a: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Position [m], velocity [m/s] and acceleration [m/s^2] of a marker, each of shape (..., 2)."""
+        row = self.point(marker.body, marker.point)
+        return self.position(row, q), self.velocity(row, q, u), self.acceleration(row, q, u, a)
 
     @cached_property
     def centres(self) -> ComplexArray:

@@ -248,6 +248,14 @@ class Mechanism(Spec):
         """The stop of that name."""
         return next(stop for stop in self.stops if stop.name == name)
 
+    def marker(self, name: str) -> Marker | None:
+        """The marker of that name; None if there is none."""
+        return next((marker for marker in self.markers if marker.name == name), None)
+
+    def joint_of(self, body: str) -> PinJoint | SlotJoint:
+        """A body's joint in the tree, to its parent."""
+        return next(joint for joint in self.joints if joint.child == body)
+
     def thrown_mass(self, marker: Marker) -> float | None:
         """Mass thrown at a marker [kg]: its own, or its body's if that is a point mass there; None: not known."""
         body = self.body(marker.body) if marker.body != GROUND else None
@@ -355,7 +363,7 @@ class Mechanism(Spec):
         if body == GROUND:
             return complex(*point)
         start = dict(zip(self.coordinates, self.start, strict=True))
-        joint = next(joint for joint in self.tree_joints if joint.child == body)
+        joint = self.joint_of(body)
         place = self._start_place(joint.parent, joint.parent_point)
         if isinstance(joint, SlotJoint) and joint.coordinate is not None:
             place += start[joint.coordinate] * complex(*joint.axis)

@@ -33,6 +33,7 @@ from scipy.optimize import nnls
 
 from ..models.arrays import FloatArray
 from ..models.errors import InputError
+from ..models.kinematics import initial_state
 from ..models.problem import Problem, StopLaw
 from .equations import Equations, kkt_matrix
 
@@ -151,8 +152,7 @@ class ActiveSet:
             InputError: a loop of joints does not close at the start, in position or speed.
         """
         mechanism = self.problem.mechanism
-        q = np.array(mechanism.start)
-        u = np.array(mechanism.start_speeds or [0.0] * len(q))
+        q, u = initial_state(mechanism)
         self._refuse_open_loops(q, u)
         touching = tuple(stop.name for stop in mechanism.stops if stop.closed)
         if np.any(self._gap_speeds(touching, q, u) < -_AT_REST):

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..models.arrays import ComplexArray, FloatArray
 from ..models.errors import InputError
+from ..models.kinematics import initial_state
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
 from .equations import Equations
@@ -69,8 +70,7 @@ def solve_scheduled(
     own = equations or Equations(problem.mechanism)
     schedule = {s.name: releases.get(s.name, 0.0) for s in problem.mechanism.stops if s.closed}
     started = time.perf_counter()
-    start = np.array(problem.mechanism.start)
-    y = np.concatenate([start, problem.mechanism.start_speeds or np.zeros_like(start)])
+    y = np.concatenate(initial_state(problem.mechanism))
     times = sorted({t for t in schedule.values() if t is not None and 0 < t < problem.duration} | {problem.duration})
     segments: list[Segment] = []
     now = 0.0

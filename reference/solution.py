@@ -126,7 +126,7 @@ class Solution:
 
     def launch_at(self, angle: float, marker: str = "projectile") -> Launch | None:
         """First time the marker's velocity comes down to `angle` [rad] after its body's stops have opened."""
-        found = next((m for m in self.problem.mechanism.markers if m.name == marker), None)
+        found = self.problem.mechanism.marker(marker)
         if found is None:
             return None
         row = self.equations.kinematics.point(found.body, found.point)

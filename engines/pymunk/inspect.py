@@ -162,7 +162,7 @@ def _braced_angle(built: Assembly, rod: Rod, stop: Stop) -> float:
     if built.parts[bob].turns:
         bob, base = base, bob
     part = built.parts[bob]
-    pin = next(joint.parent_point for joint in built.mechanism.tree_joints if joint.child == bob)
+    pin = built.mechanism.joint_of(bob).parent_point
     origin = 0j if base == GROUND else built.parts[base].reference
     anchor = origin + complex(*rod.end_a) - complex(*pin)
     arm, far, brace = abs(part.reference - part.pin), abs(anchor), rod.joint.distance

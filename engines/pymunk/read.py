@@ -103,7 +103,7 @@ class Reading:
 
     def _swinging(self, i: int, part: Part) -> Frame:
         """A bob's rod points from its pin to its mass: rod = arm exp(-i q)."""
-        joint = next(joint for joint in self.mechanism.tree_joints if joint.child == part.name)
+        joint = self.mechanism.joint_of(part.name)
         pin, bob = self.point(joint.parent, joint.parent_point), self._body(i)
         rod = bob.position - pin.position
         q = np.unwrap(-np.angle(rod / (part.reference - part.pin)))

@@ -97,7 +97,7 @@ def hinge_chain(mechanism: Mechanism, body: str) -> tuple[str, ...]:
     """Joints from the ground to a body: the body's absolute angle is the sum of their hinges and the start."""
     if body == GROUND:
         return ()
-    joint = next(joint for joint in mechanism.tree_joints if joint.child == body)
+    joint = mechanism.joint_of(body)
     return (*hinge_chain(mechanism, joint.parent), joint.name)
 
 
@@ -149,7 +149,7 @@ class _Writer:
         """Give the stop an end of its joint's range; False where it is not the joint's or the end is taken."""
         if stop.body == GROUND:
             return False
-        joint = next(joint for joint in self.mechanism.tree_joints if joint.child == stop.body)
+        joint = self.mechanism.joint_of(stop.body)
         low, high = self._range(stop)
         taken = self.ranges.get(joint.name, [-FAR, FAR])
         end = 0 if stop.sense > 0 else 1
@@ -163,14 +163,11 @@ class _Writer:
     def _start_speeds(self, parent: str) -> Iterator[float]:
         """Joint speeds in MuJoCo's order: depth first, slides before hinges."""
         for body in self.mechanism.children(parent):
-            joint = self._joint_of(body)
+            joint = self.mechanism.joint_of(body.name)
             if isinstance(joint, SlotJoint) and joint.coordinate is not None:
                 yield self.slide_speed[joint.coordinate]
             yield self.speed[body.name] - self.speed[parent]
             yield from self._start_speeds(body.name)
-
-    def _joint_of(self, body: Body) -> PinJoint | SlotJoint:
-        return next(joint for joint in self.mechanism.tree_joints if joint.child == body.name)
 
     def _add_defaults(self, default: ET.Element) -> None:
         # A time constant of two steps and the greatest impedance MuJoCo takes: errors of the stops' softness
@@ -193,7 +190,7 @@ class _Writer:
             self._add_body(world, body)
 
     def _add_body(self, parent: ET.Element, body: Body) -> None:
-        joint = self._joint_of(body)
+        joint = self.mechanism.joint_of(body.name)
         turn = self.angle[body.name] - self.angle[joint.parent]
         element = ET.SubElement(parent, "body", name=body.name, pos=self._place(joint), euler=numbers(0, turn, 0))
         inertia = max(body.inertia, POINT_INERTIA)
@@ -216,7 +213,7 @@ class _Writer:
             return spatial((joint.parent_point[0] + s * joint.axis[0], joint.parent_point[1] + s * joint.axis[1]))
         if joint.parent == GROUND:
             return spatial(joint.parent_point)
-        return from_origin(self._joint_of(self.mechanism.body(joint.parent)).child_point, joint.parent_point)
+        return from_origin(self.mechanism.joint_of(joint.parent).child_point, joint.parent_point)
 
     def _add_joints(self, element: ET.Element, joint: PinJoint | SlotJoint) -> None:
         if isinstance(joint, SlotJoint):
@@ -251,7 +248,7 @@ class _Writer:
             elif stop in self.on_tendon:
                 ET.SubElement(sensor, "tendonlimitfrc", name=torque_sensor(stop.name), tendon=stop.name)
             else:
-                joint = self._joint_of(self.mechanism.body(stop.body)).name
+                joint = self.mechanism.joint_of(stop.body).name
                 ET.SubElement(sensor, "jointlimitfrc", name=torque_sensor(stop.name), joint=joint)
         for joint in self.mechanism.tree_joints:
             ET.SubElement(sensor, "force", name=force_sensor(joint.name), site=f"{joint.name}/joint")

@@ -87,12 +87,9 @@ class MinimalMotion:
 
     def marker(self, name: str, t: float) -> PointState:
         """Position, velocity and acceleration of a marker, each (2,)."""
-        found = next(marker for marker in self.solution.problem.mechanism.markers if marker.name == name)
-        row = self.kinematics.point(found.body, found.point)
+        marker = next(marker for marker in self.solution.problem.mechanism.markers if marker.name == name)
         motion = self.solution.motion(np.array([t]))
-        q, u, a = motion.q[0], motion.u[0], motion.a[0]
-        k = self.kinematics
-        return k.position(row, q), k.velocity(row, q, u), k.acceleration(row, q, u, a)
+        return self.kinematics.point_motion(marker, motion.q[0], motion.u[0], motion.a[0])
 
     def stop_torques(self, t: float) -> Mapping[str, float]:
         """Torque of every stop [N m]."""
@@ -189,28 +186,18 @@ def judge(
             if c.name in values and c.tolerance:
                 expected = abs(values[c.name] - best[key]) * (tightest / c.tolerance) ** _ORDER
                 moved[kind] = max(moved[kind], expected)
-    return {
-        key: (best[key], _uncertainty(key, values, best[key], independent, moved, scale))
-        for key, values in kept.items()
-    }
+
+    def uncertainty(key: Key, values: Mapping[str, float]) -> float:
+        difference = max(abs(values[name] - best[key]) for name in independent if name in values)
+        return _SAFETY * (difference + moved[_kind(key)]) + _ROUNDINGS * _EPS * scale[_kind(key)]
+
+    return {key: (best[key], uncertainty(key, values)) for key, values in kept.items()}
 
 
 def _best(values: Mapping[str, float], independent: Sequence[str]) -> float:
     if BEST in values and BEST in independent:
         return values[BEST]
     return median(values[name] for name in independent if name in values)
-
-
-def _uncertainty(
-    key: Key,
-    values: Mapping[str, float],
-    best: float,
-    independent: Sequence[str],
-    moved: Mapping[tuple[str, str], float],
-    scale: Mapping[tuple[str, str], float],
-) -> float:
-    difference = max(abs(values[name] - best) for name in independent if name in values)
-    return _SAFETY * (difference + moved[_kind(key)]) + _ROUNDINGS * _EPS * scale[_kind(key)]
 
 
 def _kind(key: Key) -> tuple[str, str]:
@@ -327,8 +314,7 @@ def _taylor_values(problem: Problem, wanted: Plan, precision: Precision) -> Valu
     if own.launch_q is not None:
         names = problem.mechanism.coordinates
         direct |= {("coordinate", name, "launch"): q for name, q in zip(names, own.launch_q, strict=True)}
-    replaced = {key: direct.get(key[:3]) for key in read}
-    return {key: value if (new := replaced[key]) is None else float(new) for key, value in read.items()}
+    return {key: value if (new := direct.get(key[:3])) is None else float(new) for key, value in read.items()}
 
 
 def _versions() -> dict[str, str]:

@@ -84,6 +84,11 @@ class ConstrainedMotion:
         """The state at t [s], on its constraints."""
         return self.system.projected(self.raw_state(t), self.active(t))
 
+    def torques(self, t: float) -> dict[str, float]:
+        """Torques of the active stops at t [s], by name [N m]."""
+        active = self.active(t)
+        return dict(zip(active, self.system.torques(self.state(t), active).tolist(), strict=True))
+
     def first_downward_crossing(
         self, value: Callable[[FloatArray], float], wanted: Callable[[FloatArray], bool], after: float
     ) -> float | None:

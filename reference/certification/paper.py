@@ -166,9 +166,7 @@ class PaperMotion:
 
     def stop_torques(self, t: float) -> Mapping[str, float]:
         """Torque of every stop [N m]."""
-        active = self.motion.active(t)
-        torques = self.system.torques(self.motion.state(t), active)
-        return dict.fromkeys(self.release_times, 0.0) | dict(zip(active, torques.tolist(), strict=True))
+        return dict.fromkeys(self.release_times, 0.0) | self.motion.torques(t)
 
     def marker(self, name: str, t: float) -> PointState:
         """Position, velocity and acceleration by Eq. (4) or (10), each (2,)."""
@@ -185,13 +183,9 @@ class PaperMotion:
             total += mass * (velocity @ velocity / 2 + p.g * position[1])
         return float(total)
 
-    @property
+    @cached_property
     def launch(self) -> Launch | None:
         """Velocity of the projectile at 45 degrees, after its rest has opened."""
-        return self._launch
-
-    @cached_property
-    def _launch(self) -> Launch | None:
         none = np.zeros(len(self.system.start) // 2)
 
         def velocity(y: FloatArray) -> FloatArray:

@@ -16,7 +16,7 @@ is not a shared mistake. Stops follow the release-once law.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -31,16 +31,6 @@ from .constrained import ConstrainedMotion, integrate
 from .quantities import PointState
 
 _PROJECTIONS = 3  # Newton converges in one from the rounding of a step; the start may need another
-
-
-@dataclass
-class _Anchors:
-    """Points that constraint rows are made of: row r gains direction . (centre + turned offset) of a body."""
-
-    rows: list[int] = field(default_factory=list[int])
-    bodies: list[int] = field(default_factory=list[int])
-    directions: list[Vector] = field(default_factory=list[Vector])
-    offsets: list[Vector] = field(default_factory=list[Vector])
 
 
 class RedundantSystem:
@@ -165,35 +155,29 @@ class RedundantSystem:
         return forces
 
     def _gather_joints(self) -> None:
-        anchors, constants = _Anchors(), list[float]()
+        """Points that constraint rows are made of: a row gains direction . (centre + turned offset) of a body."""
+        constants: list[float] = []
+        anchors: list[tuple[int, int, Vector, Vector]] = []
         for joint in self.mechanism.joints:
             directions = [(1.0, 0.0), (0.0, 1.0)] if isinstance(joint, PinJoint) else [_normal(joint)]
-            for direction in directions:
+            ends = ((joint.child, joint.child_point, 1.0), (joint.parent, joint.parent_point, -1.0))
+            for x, y in directions:
                 constants.append(0.0)
-                self._anchor(anchors, constants, joint.child, joint.child_point, direction)
-                back = (-direction[0], -direction[1])
-                self._anchor(anchors, constants, joint.parent, joint.parent_point, back)
+                for body, (a, b), sign in ends:
+                    if body == GROUND:
+                        constants[-1] += sign * x * a + sign * y * b
+                        continue
+                    centre = self.mechanism.body(body).centre
+                    offset = (a - centre[0], b - centre[1])
+                    anchors.append((len(constants) - 1, self._index[body], (sign * x, sign * y), offset))
         self._fixed = np.array(constants)
-        self._rows, bodies = np.array(anchors.rows), np.array(anchors.bodies)
+        self._rows, bodies, self._directions, self._offsets = (np.array(part) for part in zip(*anchors, strict=True))
         self._columns = 3 * bodies[:, None] + np.array([0, 1])
         self._angles = 3 * bodies + 2
-        self._directions, self._offsets = np.array(anchors.directions), np.array(anchors.offsets)
         self._gather = np.zeros((len(constants), len(bodies)))
         self._gather[self._rows, np.arange(len(bodies))] = 1.0
         self._straight = np.zeros((len(constants), self.n))
         np.add.at(self._straight, (self._rows[:, None], self._columns), self._directions)
-
-    def _anchor(
-        self, anchors: _Anchors, constants: list[float], body: str, point: Vector, direction: tuple[float, float]
-    ) -> None:
-        if body == GROUND:
-            constants[-1] += direction[0] * point[0] + direction[1] * point[1]
-            return
-        centre = self.mechanism.body(body).centre
-        anchors.rows.append(len(constants) - 1)
-        anchors.bodies.append(self._index[body])
-        anchors.directions.append(direction)
-        anchors.offsets.append((point[0] - centre[0], point[1] - centre[1]))
 
     def _angle_row(self, stop: Stop) -> FloatArray:
         row = np.zeros(self.n)
@@ -301,9 +285,7 @@ class RedundantMotion:
 
     def stop_torques(self, t: float) -> dict[str, float]:
         """Torque of every stop [N m]; 0 where it is open."""
-        active = self.motion.active(t)
-        torques = self.system.torques(self.motion.state(t), active)
-        return dict.fromkeys(self.release_times, 0.0) | dict(zip(active, torques.tolist(), strict=True))
+        return dict.fromkeys(self.release_times, 0.0) | self.motion.torques(t)
 
     def joint_reactions(self, t: float) -> dict[str, FloatArray]:
         """Force of each joint on its child, world frame [N], (2,)."""
@@ -315,15 +297,11 @@ class RedundantMotion:
         gaps = [abs(self.system.gap(x, name)) for name in self.motion.active(t)]
         return max([float(np.abs(self.system.joint_errors(x)).max()), *gaps])
 
-    @property
+    @cached_property
     def launch(self) -> Launch | None:
         """First fall of the projectile's velocity to 45 degrees after its body's stops have opened."""
-        return self._launch
-
-    @cached_property
-    def _launch(self) -> Launch | None:
         mechanism = self.system.mechanism
-        found = next((marker for marker in mechanism.markers if marker.name == "projectile"), None)
+        found = mechanism.marker("projectile")
         if found is None:
             return None
         opened = [self.release_times[stop.name] for stop in mechanism.stops if stop.body == found.body]

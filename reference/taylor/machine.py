@@ -13,13 +13,14 @@ and the same without the phase and the i of a coordinate that is a slide.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.kinematics import AngleGap, Kinematics, PointGap
+from ...models.kinematics import AngleGap, Kinematics, PointCoefficients, PointGap
 from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
@@ -137,29 +138,28 @@ def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real
     mechanism, angles = problem.mechanism, kinematics.is_angle > 0
     masses = kinematics.masses.astype(real)
     centres = _wide(kinematics.centres, real)
-    row = _projectile_row(mechanism, kinematics)
+    gaps = [kinematics.gaps[name] for name in relevant_stops(problem)]
+
+    def rows(of: Sequence[PointCoefficients | PointGap]) -> Complex:
+        coefficients = np.array([row.coefficients for row in of], dtype=np.complex128).reshape(len(of), len(angles))
+        return _waves(_wide(coefficients, real), angles)
+
     # The component across the launch direction is Im(e^{-i angle} v) = Re(-i e^{-i angle} v).
-    lead = _wide(row, real) * (np.exp(-1j * real(LAUNCH_ANGLE)) * -1j)
+    lead = _wide(_projectile_row(mechanism, kinematics), real) * (np.exp(-1j * real(LAUNCH_ANGLE)) * -1j)
     sections = (
         _products(centres, masses, kinematics.inertias.astype(real), angles),
         # Q = Re(conj(w') W) = Re(conj(W) w') with W = -i g C^H m.
         _waves((masses @ centres) * (1j * real(mechanism.gravity)), angles),
-        _waves(_wide(_loop_rows(kinematics), real), angles),
-        _waves(_wide(_point_rows(problem, kinematics), real), angles),
+        # Rows L with Re(L w' u) the rates of the loops' constraints, and the gap speeds of the stops on points.
+        rows(kinematics.loop_closures),
+        rows([gap for gap in gaps if isinstance(gap, PointGap)]),
         _waves(lead, angles),
     )
     parts = [np.stack([section.real, section.imag]).ravel() for section in sections]
     unilateral = problem.stop_law is StopLaw.UNILATERAL
     # What is taken off the waves (or angles) of a gap.
-    limits = [-kinematics.gaps[name].constant * unilateral for name in relevant_stops(problem)]
+    limits = [-gap.constant * unilateral for gap in gaps]
     return cast("Real", np.concatenate([*parts, np.array(limits, dtype=real)]).astype(real))
-
-
-def _point_rows(problem: Problem, kinematics: Kinematics) -> NDArray[np.complex128]:
-    """Rows L with Re(L w' u) the gap speeds of the stops on points."""
-    gaps = [kinematics.gaps[name] for name in relevant_stops(problem)]
-    rows = [gap.coefficients for gap in gaps if isinstance(gap, PointGap)]
-    return np.array(rows, dtype=np.complex128).reshape(len(rows), len(kinematics.is_angle))
 
 
 def _wide(values: NDArray[np.complex128], real: RealType) -> Complex:
@@ -181,15 +181,9 @@ def _products(centres: Complex, masses: Real, inertias: Real, angles: NDArray[np
     return cast("Complex", products)
 
 
-def _loop_rows(kinematics: Kinematics) -> NDArray[np.complex128]:
-    """Rows L with Re(L w' u) the rates of the loops' constraints: along x and y of a pin, across a slot."""
-    rows = [row.coefficients for row in kinematics.loop_closures]
-    return np.array(rows, dtype=np.complex128).reshape(len(rows), len(kinematics.is_angle))
-
-
 def _projectile_row(mechanism: Mechanism, kinematics: Kinematics) -> NDArray[np.complex128]:
     """Coefficients of the projectile's position; zeros where a machine throws nothing."""
-    found = next((marker for marker in mechanism.markers if marker.name == PROJECTILE), None)
+    found = mechanism.marker(PROJECTILE)
     if found is None:
         return np.zeros(len(kinematics.is_angle), dtype=np.complex128)
     return kinematics.point(found.body, found.point).coefficients

@@ -183,7 +183,7 @@ class _Integration:
         numbers = numbers_of(problem, self.kinematics, self.real)
         self.structure = structure_of(problem, self.kinematics, numbers != 0)
         self.numbers = numbers[numbers != 0]
-        self.marker = next((m for m in problem.mechanism.markers if m.name == PROJECTILE), None)
+        self.marker = problem.mechanism.marker(PROJECTILE)
         self.release_times: dict[str, np.floating[Any] | None] = dict.fromkeys(self.active_set.releases)
         self.segments: list[Segment] = []
         self.launched: _State | None = None

@@ -13,7 +13,7 @@ from scipy.optimize import brentq, minimize_scalar
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
 from ...models.launch import LAUNCH_ANGLE
-from ...models.mechanism import GROUND, Body, Marker
+from ...models.mechanism import GROUND, Body, Marker, Mechanism
 from ..solution import Solution
 from .flight import COARSE, Release, Surroundings, drag_flight, fall_time, fly, range_rate
 
@@ -34,29 +34,34 @@ class Projectile:
     name: str = "projectile"
 
     def __post_init__(self) -> None:
-        names = [marker.name for marker in self.solution.problem.mechanism.markers]
+        names = [marker.name for marker in self.mechanism.markers]
         if self.name not in names:
             raise InputError(f"the mechanism has no marker {self.name!r} to throw; it has: {names or 'none'}.")
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The machine that throws."""
+        return self.solution.problem.mechanism
 
     @cached_property
     def marker(self) -> Marker:
         """The point that is thrown."""
-        return next(m for m in self.solution.problem.mechanism.markers if m.name == self.name)
+        return next(marker for marker in self.mechanism.markers if marker.name == self.name)
 
     @cached_property
     def body(self) -> Body:
         """The body that carries it: a sling, say."""
-        return self.solution.problem.mechanism.body(self.marker.body)
+        return self.mechanism.body(self.marker.body)
 
     @property
     def mass(self) -> float | None:
         """What is thrown [kg] (:meth:`...models.mechanism.Mechanism.thrown_mass`); None where it is not known."""
-        return self.solution.problem.mechanism.thrown_mass(self.marker)
+        return self.mechanism.thrown_mass(self.marker)
 
     @property
     def opened(self) -> float:
         """When the last stop of its own body opened [s]; 0 where none did."""
-        stops = [stop.name for stop in self.solution.problem.mechanism.stops if stop.body == self.body.name]
+        stops = [stop.name for stop in self.mechanism.stops if stop.body == self.body.name]
         return max((time for name in stops if (time := self.solution.release_times[name]) is not None), default=0.0)
 
     @property
@@ -74,19 +79,13 @@ class Projectile:
 
     def states(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Position [m], velocity [m/s] and acceleration [m/s^2] at times t [s], each (n, 2)."""
-        kinematics, motion = self.solution.equations.kinematics, self.solution.motion(t)
-        row = kinematics.point(self.marker.body, self.marker.point)
-        return (
-            kinematics.position(row, motion.q),
-            kinematics.velocity(row, motion.q, motion.u),
-            kinematics.acceleration(row, motion.q, motion.u, motion.a),
-        )
+        motion = self.solution.motion(t)
+        return self.solution.equations.kinematics.point_motion(self.marker, motion.q, motion.u, motion.a)
 
     @property
     def arm(self) -> str | None:
         """The body that its own one hangs on, as a sling on an arm; None where that hangs on the ground."""
-        mechanism = self.solution.problem.mechanism
-        parent = next(joint.parent for joint in mechanism.tree_joints if joint.child == self.body.name)
+        parent = self.mechanism.joint_of(self.body.name).parent
         return None if parent == GROUND else parent
 
     def sling_angle(self, t: FloatArray) -> FloatArray:
@@ -100,7 +99,7 @@ class Projectile:
                 f"there is no sling angle: the {self.name} is part of the {self.body.name!r}, which hangs on no other "
                 "body; a release angle or a release time is needed."
             )
-        names, q = [body.name for body in self.solution.problem.mechanism.bodies], self.solution.motion(t).q
+        names, q = [body.name for body in self.mechanism.bodies], self.solution.motion(t).q
         return q[:, names.index(self.body.name)] - q[:, names.index(self.arm)]
 
     def release_at(self, time: float) -> Release:
