@@ -136,16 +136,15 @@ class _Integration:
         """Integrate under one active set, to its first events or to the end."""
         finder = EventFinder(self.equations, initial, self.active_set.event_functions(initial))
         y, tolerance = np.concatenate([initial.q, initial.u]), (self.tolerances["rtol"], self.tolerances["atol"])
-        end = self.problem.duration
         segment, events, stepper = integrate_segment(
-            self.equations, initial.closed, initial.t, y, end, tolerance, finder.first
+            self.equations, initial.closed, initial.t, y, self.problem.duration, tolerance, finder.first
         )
         self.evaluations += stepper.nfev
         return segment, events
 
     def _after(self, events: list[Event], before: PostEventState) -> PostEventState:
         n_q, state = len(self.problem.mechanism.coordinates), events[0].state
-        functions: list[EventFunction] = [event.function for event in events]
+        functions = [event.function for event in events]
         return self.active_set.after(events[0].t, state[:n_q].copy(), state[n_q:].copy(), before.closed, functions)
 
 
@@ -217,8 +216,8 @@ class EventFinder:
         states = np.asarray(piece(times)).T
         found: list[tuple[float, EventFunction]] = []
         for function in self.functions:
-            root = self._closing(function, piece, times, states) if function.closes else None
-            root = self._release(function, piece, times, states) if not function.closes else root
+            locate = self._closing if function.closes else self._release
+            root = locate(function.stop, piece, times, states)
             if root is not None:
                 found.append((root, function))
         if not found:
@@ -227,12 +226,11 @@ class EventFinder:
         state = np.asarray(piece(earliest), dtype=np.float64)
         return [Event(function, earliest, state) for t, function in found if t - earliest <= _SAME_TIME]
 
-    def _release(
-        self, function: EventFunction, piece: DenseOutput, times: FloatArray, states: FloatArray
-    ) -> float | None:
+    def _release(self, stop: str, piece: DenseOutput, times: FloatArray, states: FloatArray) -> float | None:
+        column = self.equations.n_loops + self.initial.closed.index(stop)
+
         def torque(state: FloatArray) -> FloatArray:
             q, u = state[..., : self.n_q], state[..., self.n_q :]
-            column = self.equations.n_loops + self.initial.closed.index(function.stop)
             return self.equations.solve(q, u, self.initial.closed)[1][..., column]
 
         values = torque(states)
@@ -242,16 +240,14 @@ class EventFinder:
         i = int(falls[0])
         return _root(lambda t: float(torque(np.asarray(piece(t)))), float(times[i]), float(times[i + 1]))
 
-    def _closing(
-        self, function: EventFunction, piece: DenseOutput, times: FloatArray, states: FloatArray
-    ) -> float | None:
+    def _closing(self, stop: str, piece: DenseOutput, times: FloatArray, states: FloatArray) -> float | None:
         kinematics, n = self.equations.kinematics, self.n_q
 
         def gap_at(state: FloatArray) -> FloatArray:
-            return kinematics.gap(function.stop, state[..., :n])
+            return kinematics.gap(stop, state[..., :n])
 
         def speed_at(state: FloatArray) -> FloatArray:
-            return np.sum(kinematics.gap_jacobian(function.stop, state[..., :n]) * state[..., n:], axis=-1)
+            return np.sum(kinematics.gap_jacobian(stop, state[..., :n]) * state[..., n:], axis=-1)
 
         def gap(t: float) -> float:
             return float(gap_at(np.asarray(piece(t))))
@@ -261,9 +257,8 @@ class EventFinder:
 
         gaps, speeds = gap_at(states), speed_at(states)
         for i in range(len(times) - 1):
-            root = _downward_zero_crossing(
-                gap, speed, (float(times[i]), float(times[i + 1])), gaps[i : i + 2], speeds[i : i + 2]
-            )
+            interval = (float(times[i]), float(times[i + 1]))
+            root = _downward_zero_crossing(gap, speed, interval, gaps[i : i + 2], speeds[i : i + 2])
             if root is not None:
                 return root
         return None

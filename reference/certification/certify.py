@@ -233,8 +233,15 @@ def _tasks(
     def redundant(tolerance: float) -> Motion:
         return solve_redundant(problem, tolerance)
 
-    tasks = list(_ladder("minimal", "absolute angles, stops and loops by KKT", minimal, wanted, ladder))
-    tasks += _ladder("redundant", "three coordinates a body, joints and stops by KKT", redundant, wanted, ladder)
+    formulations = (
+        ("minimal", "absolute angles, stops and loops by KKT", minimal),
+        ("redundant", "three coordinates a body, joints and stops by KKT", redundant),
+    )
+    tasks = [
+        _Task(_by_dop853(name, text, tolerance, tolerance == ladder[-1]), partial(_read_at, run, tolerance, wanted))
+        for name, text, run in formulations
+        for tolerance in ladder
+    ]
     absent: list[str] = []
     for more in (_paper_task(problem, wanted, parameters, ladder[-1]), *_taylor_tasks(problem, wanted)):
         if isinstance(more, _Task):
@@ -244,18 +251,18 @@ def _tasks(
     return tasks, absent
 
 
-def _ladder(
-    name: str, formulation: str, run: Callable[[float], Motion], wanted: Plan, ladder: Sequence[float]
-) -> Iterator[_Task]:
-    for tolerance in ladder:
-        computation = Computation(
-            name=f"{name}, {tolerance:g}",
-            formulation=formulation,
-            integrator="DOP853 (SciPy)",
-            tolerance=tolerance,
-            independent=tolerance == ladder[-1],
-        )
-        yield _Task(computation, lambda tolerance=tolerance: read_quantities(run(tolerance), wanted))
+def _read_at(run: Callable[[float], Motion], tolerance: float, wanted: Plan) -> Values:
+    return read_quantities(run(tolerance), wanted)
+
+
+def _by_dop853(name: str, formulation: str, tolerance: float, independent: bool) -> Computation:
+    return Computation(
+        name=f"{name}, {tolerance:g}",
+        formulation=formulation,
+        integrator="DOP853 (SciPy)",
+        tolerance=tolerance,
+        independent=independent,
+    )
 
 
 def _paper_task(
@@ -267,13 +274,7 @@ def _paper_task(
     chosen = parameters or TrebuchetParameters()
     if mechanism.name not in PAPER_MACHINES or model(mechanism.name, chosen) != mechanism:
         return "the paper's equations: not one of its machines"
-    computation = Computation(
-        name=f"paper, {tolerance:g}",
-        formulation="the paper's Lagrangian, Eqs. (1)-(10), by SymPy",
-        integrator="DOP853 (SciPy)",
-        tolerance=tolerance,
-        independent=True,
-    )
+    computation = _by_dop853("paper", "the paper's Lagrangian, Eqs. (1)-(10), by SymPy", tolerance, independent=True)
 
     def compute() -> Values:
         from .paper import solve_paper  # SymPy takes most of a second to import

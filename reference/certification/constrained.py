@@ -89,30 +89,21 @@ class ConstrainedMotion:
         active = self.active(t)
         return dict(zip(active, self.system.torques(self.state(t), active).tolist(), strict=True))
 
-    def first_downward_crossing(
-        self, value: Callable[[FloatArray], float], wanted: Callable[[FloatArray], bool], after: float
-    ) -> float | None:
-        """First time later than `after` [s] at which value(y) falls through zero where wanted(y) is true."""
-        for step in self.steps:
-            if step.end <= after:
-                continue
-            time = _downward_zero_crossing(step, max(step.start, after), lambda y, _: value(y))
-            if time is not None and wanted(np.asarray(step.dense(time))):
-                return time
-        return None
-
     def first_launch(self, velocity: Callable[[FloatArray], FloatArray], after: float) -> Launch | None:
         """The launch at 45 degrees of a point whose velocity(y) [m/s] is given, later than `after` [s]."""
 
-        def across(y: FloatArray) -> float:
+        def across(y: FloatArray, _: object) -> float:
             vx, vy = velocity(y)
             return float(vy * np.cos(LAUNCH_ANGLE) - vx * np.sin(LAUNCH_ANGLE))
 
-        time = self.first_downward_crossing(across, lambda y: velocity(y).sum() > 0, after)
-        if time is None:
-            return None
-        vx, vy = velocity(self.state(time)).tolist()
-        return Launch(time, float(np.hypot(vx, vy)), (vx, vy))
+        for step in self.steps:
+            if step.end <= after:
+                continue
+            time = _downward_zero_crossing(step, max(step.start, after), across)
+            if time is not None and velocity(np.asarray(step.dense(time))).sum() > 0:
+                vx, vy = velocity(self.state(time)).tolist()
+                return Launch(time, float(np.hypot(vx, vy)), (vx, vy))
+        return None
 
     def _step(self, t: float) -> _Step:
         if not 0.0 <= t <= self.steps[-1].end:

@@ -183,9 +183,13 @@ class PaperMotion:
             total += mass * (velocity @ velocity / 2 + p.g * position[1])
         return float(total)
 
-    @cached_property
+    @property
     def launch(self) -> Launch | None:
         """Velocity of the projectile at 45 degrees, after its rest has opened."""
+        return self._launch
+
+    @cached_property
+    def _launch(self) -> Launch | None:
         none = np.zeros(len(self.system.start) // 2)
 
         def velocity(y: FloatArray) -> FloatArray:

@@ -297,9 +297,13 @@ class RedundantMotion:
         gaps = [abs(self.system.gap(x, name)) for name in self.motion.active(t)]
         return max([float(np.abs(self.system.joint_errors(x)).max()), *gaps])
 
-    @cached_property
+    @property
     def launch(self) -> Launch | None:
         """First fall of the projectile's velocity to 45 degrees after its body's stops have opened."""
+        return self._launch
+
+    @cached_property
+    def _launch(self) -> Launch | None:
         mechanism = self.system.mechanism
         found = mechanism.marker("projectile")
         if found is None:

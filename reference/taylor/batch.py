@@ -14,7 +14,7 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
-from ...models.kinematics import Kinematics
+from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ..contact import ActiveSet
@@ -108,9 +108,8 @@ class _Machines:
         self.structure: Structure = structure_of(first, self.kinematics[0], present)
         self.parameters = np.zeros((self.structure.n_parameters, len(problems)))
         self.parameters[: self.structure.n_numbers] = numbers[:, present].T
-        speeds = [0.0] * len(first.mechanism.start)
-        starts = [[*p.mechanism.start, *(p.mechanism.start_speeds or speeds)] for p in problems]
-        self.states = np.ascontiguousarray(np.array(starts, dtype=np.float64).T)
+        starts = [np.concatenate(initial_state(problem.mechanism)) for problem in problems]
+        self.states = np.ascontiguousarray(np.array(starts).T)
         self.released_at_start = np.zeros((len(problems), len(self.stops)), dtype=bool)
         self._begin()
         self.projectiles = [

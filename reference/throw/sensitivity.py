@@ -18,7 +18,7 @@ from scipy.integrate import DOP853
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
-from ...models.kinematics import Kinematics
+from ...models.kinematics import Kinematics, initial_state
 from ...models.launch import lead
 from ...models.machines.parameters import TrebuchetParameters
 from ...models.machines.registry import model
@@ -141,8 +141,7 @@ def _value(mechanism: Mechanism, parameters: TrebuchetParameters, name: str) -> 
     if name in TrebuchetParameters.model_fields:
         return float(getattr(parameters, name))
     if name.startswith("u_"):
-        speeds = mechanism.start_speeds or (0.0,) * len(mechanism.start)
-        return speeds[mechanism.coordinates.index(name.removeprefix("u_"))]
+        return float(initial_state(mechanism)[1][mechanism.coordinates.index(name.removeprefix("u_"))])
     return mechanism.start[mechanism.coordinates.index(name.removesuffix("0"))]
 
 
@@ -231,11 +230,11 @@ def marker_tangent(equations: VariationalEquations, state: StateTangent, marker:
         moved = Kinematics(tangent).point(found.body, tangent.markers[at].point)
         d_position[j] += moved.offset + phasors @ moved.coefficients
         d_velocity[j] += (rates * u) @ moved.coefficients
-    a = equations.solve(q, u, state.closed)[0]
+    position, velocity, acceleration = kinematics.point_motion(found, q, u, equations.solve(q, u, state.closed)[0])
     return PointTangent(
-        position=kinematics.position(row, q),
-        velocity=kinematics.velocity(row, q, u),
-        acceleration=kinematics.acceleration(row, q, u, a),
+        position=position,
+        velocity=velocity,
+        acceleration=acceleration,
         d_position=np.stack([d_position.real, d_position.imag], axis=-1),
         d_velocity=np.stack([d_velocity.real, d_velocity.imag], axis=-1),
     )
@@ -250,9 +249,8 @@ def _of_the_launch(
     d_position = point.d_position + d_time[:, None] * point.velocity
     d_velocity = point.d_velocity + d_time[:, None] * point.acceleration
     speed = math.hypot(*point.velocity)
-    gravity = equations.mechanism.gravity
     d_gravity = np.array([tangent.gravity for tangent in equations.tangents])
-    landing, d_landing = _landing(point.position, point.velocity, gravity, d_position, d_velocity, d_gravity)
+    landing, d_landing = _landing(point, d_position, d_velocity, equations.mechanism.gravity, d_gravity)
     return Sensitivities(
         names=names,
         values=values,
@@ -267,15 +265,10 @@ def _of_the_launch(
 
 
 def _landing(
-    position: FloatArray,
-    velocity: FloatArray,
-    gravity: float,
-    d_position: FloatArray,
-    d_velocity: FloatArray,
-    d_gravity: FloatArray,
+    point: PointTangent, d_position: FloatArray, d_velocity: FloatArray, gravity: float, d_gravity: FloatArray
 ) -> tuple[float, FloatArray]:
     """Where a thrown point comes down through y = 0 in vacuum: x [m], and its derivatives, shape (m,)."""
-    (x, y), (vx, vy) = position, velocity
+    (x, y), (vx, vy) = point.position, point.velocity
     squared = vy * vy + 2 * gravity * y  # of the vertical speed at y = 0
     if gravity == 0 or squared <= 0:
         return math.nan, np.full(len(d_gravity), np.nan)

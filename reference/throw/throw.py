@@ -170,11 +170,9 @@ def perform(
     elif "release_time" in chosen:
         released, description = projectile.release_at(chosen["release_time"]), f"at {chosen['release_time']:.9g} s"
     elif "sling_angle" in chosen:
-        degrees = math.degrees(chosen["sling_angle"])
-        released, description = (
-            projectile.release_at_sling_angle(chosen["sling_angle"]),
-            f"sling at {degrees:.6g} deg to arm",
-        )
+        angle = chosen["sling_angle"]
+        description = f"sling at {math.degrees(angle):.6g} deg to arm"
+        released = projectile.release_at_sling_angle(angle)
     else:
         angle = chosen.get("release_angle", LAUNCH_ANGLE)
         released, description = projectile.release_at_angle(angle), f"velocity at {math.degrees(angle):.6g} deg"
@@ -251,9 +249,8 @@ def origin(mechanism: Mechanism) -> PinJoint | SlotJoint:
 def _fulcrum(solution: Solution) -> tuple[float, float]:
     """Where the machine's :func:`origin` stands at the start [m]."""
     joint, kinematics = origin(solution.problem.mechanism), solution.equations.kinematics
-    x, y = kinematics.position(
-        kinematics.point(joint.child, joint.child_point), np.array(solution.problem.mechanism.start)
-    )
+    row, start = kinematics.point(joint.child, joint.child_point), np.array(solution.problem.mechanism.start)
+    x, y = kinematics.position(row, start)
     return float(x), float(y)
 
 
@@ -264,6 +261,8 @@ def _figures(
     of_members, of_supports = member_forces(solution, until), support_forces(solution, until)
     start = solution.trajectory(np.zeros(1))
     energy = float(start.total_energy[0])
+    launch, after = _launch_and_flight(projectile, flight, energy)
+    best_launch, best_flight = (None, None) if best is None else _launch_and_flight(projectile, best, energy)
     return Throw(
         mechanism=solution.problem.mechanism,
         released=description,
@@ -271,10 +270,10 @@ def _figures(
         gravity=solution.problem.mechanism.gravity,
         height=height,
         total_energy=energy,
-        launch=_launch_figures(projectile, flight, energy),
-        flight=_flight_figures(projectile, flight),
-        best_launch=None if best is None else _launch_figures(projectile, best, energy),
-        best_flight=None if best is None else _flight_figures(projectile, best),
+        launch=launch,
+        flight=after,
+        best_launch=best_launch,
+        best_flight=best_flight,
         rests=tuple(_rest(solution, stop.name, float(start.stop_torques[stop.name][0]), until)
                     for stop in solution.problem.mechanism.stops if stop.closed),
         members=of_members,
@@ -283,10 +282,10 @@ def _figures(
     )  # fmt: skip
 
 
-def _launch_figures(projectile: Projectile, flight: Flight, energy: float) -> LaunchFigures:
+def _launch_and_flight(projectile: Projectile, flight: Flight, energy: float) -> tuple[LaunchFigures, FlightFigures]:
     release, (x, y) = flight.release, _fulcrum(projectile.solution)
     kinetic = None if projectile.mass is None else 0.5 * projectile.mass * release.speed**2
-    return LaunchFigures(
+    launch = LaunchFigures(
         time=release.time,
         speed=release.speed,
         angle=release.angle,
@@ -296,12 +295,9 @@ def _launch_figures(projectile: Projectile, flight: Flight, energy: float) -> La
         kinetic_energy=kinetic,
         energy_ratio=None if kinetic is None or energy <= 0 else kinetic / energy,
     )
-
-
-def _flight_figures(projectile: Projectile, flight: Flight) -> FlightFigures:
-    return FlightFigures(
+    return launch, FlightFigures(
         range=flight.range,
-        apex_height=flight.apex_height - _fulcrum(projectile.solution)[1],
+        apex_height=flight.apex_height - y,
         time=flight.time,
         impact_speed=flight.impact_speed,
         impact_angle=flight.impact_angle,

@@ -107,7 +107,7 @@ class DataTangent:
     @classmethod
     def along(cls, mechanism: Mechanism, tangents: list[Mechanism]) -> DataTangent:
         """By the product rule, from the tangent mechanisms."""
-        n_q, n_l = len(mechanism.coordinates), len(_loop_tangents(mechanism, mechanism))
+        n_q, n_l = len(mechanism.coordinates), len(Kinematics(mechanism).loop_closures)
         loops = np.array([_loop_tangents(mechanism, tangent) for tangent in tangents])
         loops = loops.reshape(len(tangents), n_l, n_q + 1)
         return cls(
