@@ -33,7 +33,9 @@ def explain(study: Study) -> Explanation:
     for preset in study.presets:
         if preset not in PRESETS:
             raise InputError(f"there is no preset {preset!r}; there are: {', '.join(PRESETS)}.")
-    engines = {name: {preset: study.engine(name, preset) for preset in PRESETS} for name in study.measured_engines}
+    # The reference has a budget where it is named: its stock preset differs from the tuned one.
+    names = study.measured_engines if study.engines is None else study.every_engine
+    engines = {name: {preset: study.engine(name, preset) for preset in PRESETS} for name in names}
     # A part a preset, and one for the presets side by side.
     count = Counter(len(study.mechanisms) * len(engines) * (len(list(study.presets)) + 1), study.progress)
     machines: list[Machine] = []

@@ -62,9 +62,11 @@ class Study:
             raise InputError(f"jobs = {self.jobs!r} must be at least 1.")
         if self.jobs > 1 and not self.isolate:
             raise InputError(f"jobs = {self.jobs} needs isolated runs; in this process they are made one at a time.")
-        for name, what in (("models", "model"), ("engines", "engine"), ("presets", "preset")):
+        for name in ("models", "engines", "presets"):
             if getattr(self, name) is not None:
-                object.__setattr__(self, name, _unique(getattr(self, name), what))
+                object.__setattr__(self, name, tuple(_unique(getattr(self, name))))
+        if not self.models:
+            raise InputError("no model was named; at least one is needed.")
         for name in self.engines or ():
             engine_class(name)
 
@@ -93,10 +95,12 @@ class Study:
         """Names of the engines whose error is measured: all of the study but the reference, which cannot be named.
 
         Raises:
-            InputError: the reference was named.
+            InputError: the reference was named, or no engine was.
         """
         if self.engines is None:
             return tuple(name for name in engine_names() if name != REFERENCE)
+        if not self.engines:
+            raise InputError("no engine was named; at least one is needed.")
         if REFERENCE in self.engines:
             raise InputError(f"engine {REFERENCE!r} is what the others are measured against; name another one.")
         return tuple(self.engines)
@@ -114,14 +118,13 @@ class Study:
         return Worker(self.timeout, self.isolate, self.jobs)
 
 
-def _unique(names: Iterable[Any], what: str) -> tuple[Any, ...]:
-    unique = list[Any]()
+def _unique(names: Iterable[Any]) -> list[Any]:
+    """Each once, in their order; mechanisms cannot be hashed."""
+    unique: list[Any] = []
     for name in names:
         if name not in unique:
             unique.append(name)
-    if not unique:
-        raise InputError(f"no {what} was named; at least one is needed.")
-    return tuple(unique)
+    return unique
 
 
 @dataclass

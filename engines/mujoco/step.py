@@ -18,7 +18,7 @@ from .build import correction_of, load, preload, start_data
 from .constraints import slot_contacts, stop_constraints
 from .options import MujocoOptions
 from .read import Samples, recording
-from .reference_acceleration import mujoco
+from .reference_acceleration import CALLBACK, mujoco
 
 _rollout: Any = importlib.import_module("mujoco.rollout")
 
@@ -47,12 +47,13 @@ def run(problem: Problem, options: MujocoOptions) -> Recording:
 def _warnings_raised() -> Generator[None]:
     """Turn MuJoCo's warnings into an error; otherwise it fills the missing states and writes a log file."""
     messages: list[str] = []
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(messages.append)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(before)
+    with CALLBACK:  # MuJoCo has one handler of warnings for all threads of a process, as it has one callback
+        before = mujoco.get_mju_user_warning()
+        mujoco.set_mju_user_warning(messages.append)
+        try:
+            yield
+        finally:
+            mujoco.set_mju_user_warning(before)
     if messages:
         raise SimulationError(f"MuJoCo gave up: {messages[0]}")
 

@@ -405,6 +405,7 @@ def test_threads_do_not_meet_in_the_callback() -> None:
         together = list(pool.map(MujocoEngine().simulate, problems))
     for problem, found in zip(problems, together, strict=True):
         assert np.array_equal(found.q, MujocoEngine().simulate(problem).q)
+    assert mujoco.get_mju_user_warning() is None
 
 
 def test_a_closed_point_must_not_move_at_the_start() -> None:

@@ -520,7 +520,7 @@ def test_wrong_input_is_refused_before_anything_runs(
 def test_a_machine_that_cannot_throw_is_refused() -> None:
     still = fixed().model_copy(update={"gravity": 0.0})
     with pytest.raises(InputError, match="gravity"):
-        explain(Study([still], engines=["pymunk"], isolate=False))
+        explain(Study([still], engines=["reference"], isolate=False))
 
 
 def test_an_engine_that_is_not_installed_is_a_row_of_the_explanation(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -414,8 +414,6 @@ def test_a_file_that_is_no_trajectory_is_said(tmp_path: Path) -> None:
     ("inputs", "complaint"),
     [
         ({"models": []}, "no model was named"),
-        ({"engines": []}, "no engine was named"),
-        ({"presets": []}, "no preset was named"),
         ({"engines": ["mujoko"]}, "did you mean 'mujoco'"),
         ({"timeout": 0.0}, "timeout = 0.0 s must be positive"),
         ({"jobs": 0}, "jobs = 0 must be at least 1"),
@@ -456,3 +454,9 @@ def test_the_reference_is_evaluated_once_a_grid_for_metrics_and_pairs(monkeypatc
     # The reference as an engine has solutions of its own.
     grids = [grid for solution, grid in evaluated if solution is comparison.solutions["fixed"]]
     assert grids and len(grids) == len(set(grids))
+
+
+def test_a_comparison_without_engines_is_the_reference_alone() -> None:
+    found = tb.compare(["fixed"], [])
+    assert not found.results.runs and found.passed
+    assert found.solutions["fixed"].launch is not None
