@@ -23,7 +23,7 @@ from trebucheck.comparisons.runs.results import Results
 from trebucheck.models.machines.registry import models
 from trebucheck.models.mechanism import mechanism_schema
 from trebucheck.models.spec import schema_text
-from trebucheck.paper.evidence.results import Study
+from trebucheck.paper.evidence.claims import Study
 from trebucheck.paper.report import summary
 from trebucheck.paper.study import study
 

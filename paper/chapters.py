@@ -10,13 +10,14 @@ from pydantic import JsonValue
 
 from ..comparisons.report.document import Block, Figure, Heading, Text, page_only, table
 from ..comparisons.report.numbers import sentence
+from .design.efficiency import MachineEfficiency, Machines, SlingThrow, WidestThrow
 from .design.first_forward_swing import CoincidingDesign, Design, Throwing
-from .drag.results import DragInterval, DragStudy
-from .evidence.results import EngineValue
+from .drag.motion import DragInterval
+from .drag.study import DragStudy
+from .evidence.claims import EngineValue
 from .identification.quantities import Identification
-from .machines.study import MachineEfficiency, Machines, SlingThrow, WidestThrow
 from .plots import best_angles, efficiencies
-from .sweep.results import Artefact, Position, Sweep
+from .sweep.study import Artefact, Position, Sweep
 
 
 def chapters(sections: Mapping[str, JsonValue]) -> Iterator[Block]:

@@ -10,7 +10,7 @@ import numpy as np
 from ..models.arrays import FloatArray
 from ..models.machines.trebuchet import COUNTERWEIGHT, HANGER_REST, PROJECTILE, SLING_REST
 from ..models.trajectory import Trajectory
-from .evidence.printed import (
+from .evidence.claims import (
     BEST_L1,
     BEST_SPEED,
     END_L1,
@@ -21,12 +21,12 @@ from .evidence.printed import (
     TABLE_L1,
     TIME_STEP,
     ZERO_L1,
+    Series,
 )
 from .evidence.quantities import BEST_TIME, ENERGY_RATIO, FASTEST_TIME, TOTAL_ENERGY, vacuum_ranges
-from .evidence.results import Series
 from .evidence.throws import MachineThrow
 from .evidence.verdicts import FIXED, Evidence
-from .sweep.results import Sweep
+from .sweep.study import Sweep
 
 _POINTS = 400
 _SAMPLED = 14  # points of each engine along a curve: enough to see that they lie on it

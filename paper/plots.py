@@ -11,9 +11,9 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from ..comparisons.report.plots import engine_colour, finish
-from .drag.results import DragStudy
-from .evidence.results import Series
-from .machines.study import MachineEfficiency, Machines, SlingThrow
+from .design.efficiency import MachineEfficiency, Machines, SlingThrow
+from .drag.study import DragStudy
+from .evidence.claims import Series
 
 _WORLDS = {"moon": "#777777", "mars": "#c0392b", "earth": "#1f77b4", "venus": "#d9a30d"}
 _PRINTED, _GRID, _OTHER = "#c0392b", "#9467bd", "#b08d57"

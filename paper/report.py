@@ -33,7 +33,7 @@ from ..comparisons.report.sections import mechanism_as_data
 from ..models.machines.parameters import TrebuchetParameters
 from ..models.machines.trebuchet import parameters_of
 from .chapters import chapters
-from .evidence.results import Claim, EngineValue, Quantity, Study, Verdict
+from .evidence.claims import Claim, EngineValue, Quantity, Study, Verdict
 from .plots import plots
 
 _SHORT = {Verdict.HOLDS: "holds", Verdict.WITHIN_GRID: "in grid", Verdict.FAILS: "fails", Verdict.OPEN: "open"}

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 import time
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -26,16 +27,15 @@ from ..models.errors import InputError
 from ..models.machines.parameters import TrebuchetParameters
 from ..models.machines.trebuchet import fixed
 from ..models.spec import Spec
-from .claims import UNREACHED, claims
 from .curves import series
+from .design.efficiency import efficiencies
 from .design.study import design_rolling
 from .drag.study import drag_study
-from .evidence.printed import BEST_L1
-from .evidence.results import Study
+from .evidence.claims import BEST_L1, Claim, Study, Unreached
 from .evidence.throws import MachineThrow, throw_by_all
-from .evidence.verdicts import FIXED, ROLLING, Evidence
+from .evidence.verdicts import FIXED, ROLLING, Evidence, Row, undecided
 from .identification.study import identify
-from .machines.study import efficiencies
+from .rows import fitted, machine, machines, rolling, sweep, throw
 from .sweep.study import WITH_ENGINES, fulcrum_sweep
 
 MACHINES = (FIXED, ROLLING)
@@ -77,6 +77,43 @@ SECTIONS: dict[str, Compute] = {
     "drag": _drag,
 }
 """The further studies by name, each computed from the paper's parameters and the engines' names."""
+
+
+THROWS = (machine, throw, rolling)
+"""Modules of the rows on the two machines and their throws."""
+_ROWS: dict[str, tuple[str, Callable[[Any, Evidence], Iterable[Row]]]] = {
+    "drag": ("Table II", fitted.drag_rows),
+    "sweep": ("Sec. V, Fig. 5", sweep.rows),
+    "design": ("Sec. VI", lambda found, _: machines.design_rows(found)),
+    "identification": ("Sec. II", lambda found, _: fitted.start_rows(found)),
+    "machines": ("Secs. I, VI", lambda found, _: machines.efficiency_rows(found)),
+}
+"""Of each further study: its place in the paper, and its rows."""
+_INPUT = "what the machine is made of: the solvers start from it"
+UNREACHED = (
+    Unreached(where="Table I", printed="l1 10, l2 4, h 10, r 6 m; m_a 1000, m_b 60, m_cw 3000 kg", why=_INPUT),
+    Unreached(where="Table I", printed="g 9.81 m/s²", why="a fact of nature, given to the solvers"),
+    Unreached(
+        where="Table II",
+        printed="g 1.62, 3.71, 9.81, 8.87 m/s²; ρ 0, 0.02, 1.2, 65",
+        why="facts of other worlds, given to the solvers; the unit of ρ, printed m/kg³, is taken as kg/m³",
+    ),
+    Unreached(
+        where="Sec. V",
+        printed="3 to 5",
+        why="of a machine in another publication; the row on it says what is missing",
+    ),
+    Unreached(
+        where="Figs. 2 to 7",
+        printed="axes and curves",
+        why="pictures without a table: only what text and captions say of them can be held against ours",
+    ),
+    Unreached(where="Eqs. (1), (6), (7), (11)", printed="λ, γ, G1, G2, R", why="definitions, which are followed here"),
+)
+"""The numbers of the paper that no solver can reach, and why: with them, every number in it is accounted for."""
+
+_PLACES = ("I", "Eq", "II", "III", "IV", "Fig", "Table", "V", "VI", "VII")
+_PLACE = re.compile(r"Secs?\. ([IV]+)|(Eq|Fig|Table)")
 
 
 def study(
@@ -158,6 +195,33 @@ def _as_data(found: Mapping[str, Spec], failures: Mapping[str, str]) -> dict[str
     for name, each in found.items():
         data[name] = each.model_dump(mode="json")
     return data
+
+
+def claims(evidence: Evidence) -> tuple[Claim, ...]:
+    """Every claim of the paper that a solver can reach, in the order of the paper."""
+    found = [row.claim(evidence) for group in THROWS for row in group.rows(evidence)]
+    for name in _ROWS:
+        found += _of_section(name, evidence)
+    return tuple(sorted(found, key=lambda claim: order(claim.where)))
+
+
+def _of_section(name: str, evidence: Evidence) -> list[Claim]:
+    (where, rows), why = _ROWS[name], evidence.failures.get(name)
+    if name in evidence.sections:
+        try:
+            return [row.claim(evidence) for row in rows(evidence.sections[name], evidence)]
+        except Exception as error:  # rows of other studies must not be lost with these
+            why = f"{type(error).__name__}: {error}"
+    if why is None:
+        return []  # the study was not wanted
+    quantity, failed = f"everything that the study '{name}' computes", undecided(f"its computation failed: {why}")
+    return [Row(f"all of {name}", where, "", quantity, None, failed).claim(evidence)]
+
+
+def order(where: str) -> int:
+    """Place in the paper: of the first section, equation, figure or table named."""
+    found = _PLACE.match(where)
+    return len(_PLACES) if found is None else _PLACES.index(found[1] or found[2])
 
 
 def _versions(engines: Sequence[str]) -> dict[str, str]:

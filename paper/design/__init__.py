@@ -1,1 +1,1 @@
-"""A rolling machine whose largest kinetic energy comes at its best release."""
+"""Machines chosen: the most efficient of each kind that the paper names, and a rolling one designed as a whole."""

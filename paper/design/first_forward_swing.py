@@ -26,8 +26,8 @@ from ...reference.solver import characteristic_time, solve
 from ...reference.taylor.solve import solve_taylor
 from ...reference.throw.flight import Release, Surroundings, fall_time, fly
 from ...reference.throw.release import Projectile
-from ..evidence.results import EngineValue, Quantity
-from ..machines.search import available_energy
+from ..evidence.claims import EngineValue, Quantity
+from .efficiency import available_energy
 
 
 class Reading(StrEnum):

@@ -21,9 +21,9 @@ from ...reference.certification.quantities import BEYOND_LAUNCH
 from ...reference.solver import solve
 from ...reference.throw.flight import fly, range_rate
 from ...reference.throw.throw import throw
+from ..evidence.claims import EngineValue, Quantity
 from ..evidence.engine_runs import TAIL, SampledMotion, allowed, simulated, turning
 from ..evidence.quantities import BEST_ANGLE, BEST_RANGE, BEST_SPEED, BEST_TIME, FASTEST_TIME, read_certified
-from ..evidence.results import EngineValue, Quantity
 from ..sweep.study import ENGINES
 from .first_forward_swing import (
     Bounds,

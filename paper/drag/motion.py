@@ -5,17 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
+from pydantic import Field
 from scipy.optimize import brentq
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
 from ...models.mechanism import PinJoint
+from ...models.spec import NonNegative, Positive, Real, Spec
 from ...reference.throw.flight import Air, Release, Surroundings, World, drag_flight, fly, range_rate
 from ...reference.throw.release import Projectile
-from .results import AngleReading, DragInterval, GridPoint, GridReading, PrintedAngle, WorldOnGrid
 
 _SCAN = 800  # instants of the last part of the sweep between which an angle is looked for
 _JUST = 2.5e-4  # [s] a peak some 50 ms wide is symmetrical to some 1e-7 s over this: a ten-thousandth of a degree
@@ -23,6 +25,72 @@ _FLIGHT = 1e-8  # relative local error: some 1e-5 m, which moves a peak by less 
 _RESOLVED = 1e-4  # of a drag area, told to three digits
 _GROWTH = 4.0
 _MOST = 12  # times the drag area is raised by that factor; drag is then a million times the weight
+
+
+class AngleReading(StrEnum):
+    """What the printed angle of release is an angle of."""
+
+    VELOCITY = "of the velocity"
+    ACROSS_SLING = "across the sling"
+    """Of the normal to the sling: the paper adds 90 deg to phi, as if the sling's pin stood still."""
+
+
+class PrintedAngle(Spec):
+    """A row of Table II."""
+
+    world: str
+    gravity: Positive = Field(description="[m/s^2]")
+    density: NonNegative = Field(description="of its air [kg/m^3]")
+    printed: str = Field(description="best angle of release as printed [deg]")
+    value: Real = Field(description="[rad]")
+    half: Positive = Field(description="half a unit of the last printed digit [rad]")
+
+
+class DragInterval(Spec):
+    """Drag areas C_d A [m^2] that do something, from `low` to `high`."""
+
+    low: NonNegative
+    high: NonNegative | None = Field(description="None: without end")
+
+
+class GridPoint(Spec):
+    """A point of the paper's grid of release times, n * step."""
+
+    time: Real = Field(description="[s]")
+    angle: Real = Field(description="[rad]")
+    drag_areas: DragInterval | None = Field(
+        description="with which it throws farther than its neighbours; None: with no drag area, as drag only ever "
+        "favours later releases"
+    )
+    agrees: bool = Field(description="whether its angle is the printed one, to the printed digits")
+
+
+class WorldOnGrid(Spec):
+    """One world's printed angle against a grid of release times."""
+
+    world: str
+    nearest: GridPoint = Field(description="of those that some drag area makes the best: nearest to the printed angle")
+    beside: tuple[GridPoint, ...] = Field(description="those on either side of the printed angle")
+    any_phase: DragInterval | None = Field(
+        description="drag areas with which the printed angle is the best of some grid of this step, wherever it "
+        "starts; None: of none"
+    )
+
+
+class GridReading(Spec):
+    """All worlds against grids of one step."""
+
+    step: Positive = Field(description="[s]")
+    root_mean_square: NonNegative = Field(description="of the nearest points' misses [rad]")
+    worlds: tuple[WorldOnGrid, ...]
+    shared: DragInterval | None = Field(
+        description="drag areas that make every world's nearest point the best of the grid that starts at t = 0"
+    )
+    agreeing: tuple[str, ...] = Field(description="worlds whose nearest point has the printed angle")
+    shared_by_agreeing: DragInterval | None = Field(description="drag areas that suit all of those")
+    any_phase: DragInterval | None = Field(
+        description="drag areas that suit every world if each one's grid may start where it likes"
+    )
 
 
 @dataclass(frozen=True)

@@ -11,36 +11,82 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Sequence
+from enum import StrEnum
 
 import numpy as np
+from pydantic import Field
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
 from ...models.errors import InputError
 from ...models.machines.trebuchet import fixed
 from ...models.mechanism import Mechanism
+from ...models.spec import NonNegative, Positive, Real, Spec
 from ...reference.solver import solve_to_launch
 from ...reference.throw.flight import World, world
 from ...reference.throw.release import Projectile
-from ..evidence.printed import CAPTION_STEP, TIME_STEP, parse
-from .motion import Throwing, common, interval, on_grid
-from .results import (
-    AngleCurve,
-    AngleReading,
-    DragInterval,
-    DragStudy,
-    GravityReading,
-    GridReading,
-    PrintedAngle,
-    Reading,
-    WorldFit,
-)
+from ..evidence.claims import CAPTION_STEP, TIME_STEP, parse
+from .motion import AngleReading, DragInterval, GridReading, PrintedAngle, Throwing, common, interval, on_grid
 
 STEPS = (TIME_STEP, CAPTION_STEP)
 """Between release times [s]: the text's, and that of the caption of Fig. 4."""
 
 _NODES = 8  # of a curve of best angles, which is smooth; what is reported as fitted does not come from between them
 _BEYOND = math.radians(5.0)  # a curve goes this far below the lowest printed angle
+
+
+class GravityReading(StrEnum):
+    """Where the planet's own g is taken."""
+
+    THROW_AND_FLIGHT = "in the throw and the flight"
+    FLIGHT_ONLY = "in the flight only"
+
+
+class WorldFit(Spec):
+    """One world's printed angle against the best release, found without a grid."""
+
+    world: str
+    vacuum_time: Real = Field(description="of the best release without air [s]")
+    vacuum_angle: Real = Field(description="[rad]")
+    drag_area: NonNegative | None = Field(
+        description="that gives the printed angle [m^2]; None where none does, or any drag area gives the same"
+    )
+    drag_areas: DragInterval | None = Field(description="that give the printed digits; None where none does")
+    common_angle: Real = Field(description="with the reading's common drag area [rad]")
+    agrees: bool = Field(description="whether that is the printed angle, to the printed digits")
+
+
+class AngleCurve(Spec):
+    """Best angle of release against drag area."""
+
+    world: str
+    drag_areas: tuple[Real, ...] = Field(description="[m^2]")
+    angles: tuple[Real, ...] = Field(description="[rad]")
+    times: tuple[Real, ...] = Field(description="of release [s]")
+
+
+class Reading(Spec):
+    """Table II under one reading of what its angles are and where g was changed."""
+
+    angle: AngleReading
+    gravity: GravityReading
+    worlds: tuple[WorldFit, ...]
+    shared: DragInterval | None = Field(description="drag areas that give every printed angle; None: no one does")
+    common_drag_area: NonNegative = Field(description="least squares over the printed angles [m^2]")
+    root_mean_square: NonNegative = Field(description="of the misses with it [rad]")
+    curves: tuple[AngleCurve, ...]
+    grids: tuple[GridReading, ...]
+
+
+class DragStudy(Spec):
+    """Table II under all readings."""
+
+    mechanism: Mechanism
+    projectile_mass: Positive = Field(description="[kg]")
+    printed: tuple[PrintedAngle, ...]
+    readings: tuple[Reading, ...]
+    findings: tuple[str, ...] = Field(description="what one drag area can and cannot match, in sentences")
+    seconds: NonNegative = Field(description="processor time [s]")
 
 
 def _row(name: str, printed: str) -> PrintedAngle:

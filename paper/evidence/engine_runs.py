@@ -35,8 +35,8 @@ from ...models.trajectory import Trajectory
 from ...reference.certification.quantities import PointState
 from ...reference.solver import solve
 from ...reference.throw.release import Projectile
+from .claims import EngineValue
 from .quantities import BEND, LAUNCH_TIME, TOTAL_ENERGY, Readings, ThrowQuantity, read
-from .results import EngineValue
 
 _DEGREE = 5  # error ~ step^6: far below that of any engine, at the steps they are run with
 _CROWDED = 0.5  # of the median step: samples closer than this (a release inside a step) unsettle a spline

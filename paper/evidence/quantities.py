@@ -18,7 +18,7 @@ from ...models.mechanism import Mechanism
 from ...models.problem import StopLaw
 from ...models.trajectory import Trajectory
 from ...reference.certification.quantities import BEYOND_LAUNCH, Key, Motion, Plan, read_quantities, vacuum_range
-from .printed import CAPTION_STEP, TIME_STEP
+from .claims import CAPTION_STEP, TIME_STEP
 
 _SCAN = 0.01  # [s] in which the arm cannot come to its stop and back
 _LOOK = 1.0  # [s] after the launch in which the arm's arrival at its stop is looked for

@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from ...models.machines.parameters import TrebuchetParameters
-from .printed import Printed, parse
+from .claims import Claim, EngineValue, Printed, Quantity, Verdict, parse
 from .quantities import Formula, Readings, ThrowQuantity, Values
-from .results import Claim, EngineValue, Quantity, Verdict
 from .throws import EngineThrow, MachineThrow
 
 

@@ -24,7 +24,7 @@ from ...models.spec import NonNegative, Positive, Real, Spec
 from ...reference.solution import Solution
 from ...reference.throw.flight import Surroundings
 from ...reference.throw.release import Projectile
-from ..evidence.printed import (
+from ..evidence.claims import (
     BEST_L1,
     BEST_SPEED,
     ENERGY_GAIN,
@@ -38,7 +38,7 @@ from ..evidence.printed import (
     WAY,
     Printed,
 )
-from ..evidence.printed import SWING as PRINTED_SWING
+from ..evidence.claims import SWING as PRINTED_SWING
 
 Angles = tuple[Real, Real, Real]
 """theta0, phi0, alpha0 [rad]."""

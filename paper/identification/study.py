@@ -22,7 +22,7 @@ from ...models.errors import EngineNotInstalledError, InputError
 from ...models.machines.parameters import TrebuchetParameters
 from ...models.machines.trebuchet import fixed
 from ...models.mechanism import Mechanism
-from ..evidence.printed import TIME_STEP
+from ..evidence.claims import TIME_STEP
 from .fit import conditioning, fit, left_out
 from .quantities import (
     ANGLES,

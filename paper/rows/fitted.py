@@ -6,19 +6,10 @@ import math
 from collections.abc import Iterator
 from itertools import pairwise
 
-from ..drag.results import (
-    AngleReading,
-    DragInterval,
-    DragStudy,
-    GravityReading,
-    GridPoint,
-    PrintedAngle,
-    Reading,
-    WorldFit,
-)
-from ..evidence.printed import BEST_ANGLE, TIME_STEP
+from ..drag.motion import AngleReading, DragInterval, GridPoint, PrintedAngle
+from ..drag.study import DragStudy, GravityReading, Reading, WorldFit
+from ..evidence.claims import BEST_ANGLE, TIME_STEP, Quantity, Verdict
 from ..evidence.quantities import FASTEST_ANGLE
-from ..evidence.results import Quantity, Verdict
 from ..evidence.verdicts import (
     FIXED,
     Cause,

@@ -16,7 +16,7 @@ from ...models.machines.trebuchet import COUNTERWEIGHT, PROJECTILE, fixed
 from ...models.mechanism import Mechanism
 from ...reference.equations import Equations
 from ...reference.solver import solve_to_launch
-from ..evidence.printed import (
+from ..evidence.claims import (
     BEAM,
     BEST_ANGLE,
     BEST_L1,
@@ -25,10 +25,10 @@ from ..evidence.printed import (
     LEVER_RATIO,
     SLING_ANGLE,
     SLING_RADIANS,
+    Quantity,
 )
 from ..evidence.quantities import LAUNCH_SPEED as SPEED
 from ..evidence.quantities import start_torque
-from ..evidence.results import Quantity
 from ..evidence.verdicts import FIXED, ROLLING, Cause, Evidence, Row, as_printed, at_most, positive, undecided, vanishes
 
 _ROUNDING = 1e-12  # of sums of a few terms, relative: a thousand times what they can lose

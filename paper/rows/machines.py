@@ -12,10 +12,10 @@ import math
 from collections.abc import Callable, Iterator
 from functools import partial
 
+from ..design.efficiency import MachineEfficiency, Machines
 from ..design.first_forward_swing import CoincidingDesign, Design
-from ..evidence.results import EngineValue, Quantity, Verdict
+from ..evidence.claims import EngineValue, Quantity, Verdict
 from ..evidence.verdicts import ROLLING, Cause, Judgement, Row, at_least, positive, undecided, vanishes
-from ..machines.study import MachineEfficiency, Machines
 
 _MUCH = 2.0  # 'much more' asks for twice
 _ALL = 0.99  # 'the full energy' asks for all but a hundredth

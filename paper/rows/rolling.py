@@ -9,12 +9,21 @@ import numpy as np
 
 from ...models.machines.trebuchet import COUNTERWEIGHT
 from ..evidence import quantities as of
-from ..evidence.printed import ENERGY_ERROR, ENERGY_GAIN, ENERGY_SHARE, JOULE_SHARE, RATIOS, SPEED_GAIN, SWING, WAY
+from ..evidence.claims import (
+    ENERGY_ERROR,
+    ENERGY_GAIN,
+    ENERGY_SHARE,
+    JOULE_SHARE,
+    RATIOS,
+    SPEED_GAIN,
+    SWING,
+    WAY,
+    Quantity,
+)
 from ..evidence.quantities import Formula, ThrowQuantity
-from ..evidence.results import Quantity
 from ..evidence.throws import MachineThrow
 from ..evidence.verdicts import FIXED, ROLLING, Cause, Evidence, Row, as_printed, below, coincides, positive, vanishes
-from .torques import negated
+from .throw import negated
 
 
 def rows(evidence: Evidence) -> Iterator[Row]:

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from ..evidence.printed import (
+from ..evidence.claims import (
     BACKWARD_L1,
     BEST_L1,
     BEST_RATIO,
@@ -17,10 +17,10 @@ from ..evidence.printed import (
     LEVER_RATIO,
     NO_SPEED,
     ZERO_L1,
+    Quantity,
 )
 from ..evidence.quantities import LAUNCH_SPEED as SPEED
 from ..evidence.quantities import fit
-from ..evidence.results import Quantity
 from ..evidence.verdicts import (
     FIXED,
     Cause,
@@ -34,7 +34,7 @@ from ..evidence.verdicts import (
     undecided,
     vanishes,
 )
-from ..sweep.results import Position, Sweep
+from ..sweep.study import Position, Sweep
 
 _SEC, _FIG = "Sec. V", "Sec. V, Fig. 5"
 _LINEAR = 0.99  # 'linear-like' asks that a line accounts for 99 % of the variance

@@ -9,11 +9,12 @@ which the search ends elsewhere: on the zero of the swing back, or on none at al
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from pydantic import Field
 from scipy.optimize import bisect, brentq
 
 from ...models.arrays import BoolArray, ComplexArray, FloatArray
@@ -21,17 +22,83 @@ from ...models.launch import lead
 from ...models.machines.trebuchet import HANGER_REST, PROJECTILE, SLING_REST
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
+from ...models.spec import Real, Spec, Vector
 from ...reference.perturbed import solve_scheduled
 from ...reference.solution import Solution
-from ...reference.solver import characteristic_time, solve
+from ...reference.solver import characteristic_time, solve, solve_to_launch
 from ...reference.taylor.batch import launch_batch
-from .results import EarlyCrossing, RootSearch, WrongZero
+from ..evidence.claims import BACKWARD_L1, ZERO_L1
 from .rigid_swing import RigidSwing, pendulum
 
+PAPER_GRID = 0.01
+"""[m]: its l1 are printed to two digits."""
+_GUESSES = (0.3, 0.4, 0.5, 0.6, 0.8, 1.0)  # [s] guesses somebody might type
+_EARLY = (9.0, 9.5, 9.89, 10.0, 11.0)  # [m] either side of the paper's threshold
+_LATE = (8.6, 9.0, 9.4, 9.8)  # [m] below it
 SPANS = 2.5
 """How long a launch is looked for, in the machine's characteristic times: Table I launches after 1.5 of them."""
 _WATCHED = 600  # times at which torques are watched: some 7 ms apart on Table I
 _DOP853 = 1e-12  # local error where heyoka is not installed: its batch's own default
+_ITERATIONS = 50  # Newton's method doubles its digits in each: whatever has not ended by then wanders
+_FOUND = 1e-9  # [s] of the last step
+_SAME = 1e-6  # [s] zeros are seconds apart
+_BETWEEN = (0.1, 1.0)  # [s] a matching guess is looked for between these
+_SCAN = 1e-3  # [s] for crossings of the 45 deg line
+_AFTER = 5.0  # [s] of motion looked at after the hanger's late release
+
+
+class Curve(Spec):
+    """Launch speed at 45 degrees against l1, under two laws of a stop (Fig. 5)."""
+
+    l1: tuple[Real, ...] = Field(description="[m]")
+    release_once: tuple[Real | None, ...] = Field(description="a rest can only push [m/s]; None: no launch")
+    bilateral: tuple[Real | None, ...] = Field(
+        description="a rest is held, pulling too, until its torque comes to zero [m/s]; None: no launch"
+    )
+    times: tuple[Real | None, ...] = Field(description="of the launch, under release-once [s]")
+
+
+class RootSearch(Spec):
+    """Newton's search for the zero of the hanger's torque, both rests held, from one guess for all places."""
+
+    guess: Real = Field(description="[s]")
+    lowest: Real | None = Field(description="from here on up to the regime change it finds the first zero [m]")
+    later_zero: int = Field(description="places below that where it ends on a later zero")
+    no_zero: int = Field(description="places below that where it ends on none, or on one before the start")
+    fails_at: tuple[Real, ...] = Field(description="of the places asked for, those where it misses the first zero [m]")
+
+
+class WrongZero(Spec):
+    """What follows when the hanger's rest is held until the second zero of its torque, not the first."""
+
+    l1: Real = Field(description="[m]")
+    release_times: dict[str, Real | None] = Field(description="[s]")
+    crossings: tuple[Vector, ...] = Field(
+        description="time [s] and speed [m/s] when the velocity stands on the 45 deg line, negative: thrown backward"
+    )
+
+
+class EarlyCrossing(Spec):
+    """The velocity on the 45 deg line while the sling's rest still holds."""
+
+    l1: Real = Field(description="[m]")
+    time: Real = Field(description="[s]")
+    speed: Real = Field(description="[m/s]; negative: along the line backward")
+
+
+class Artefact(Spec):
+    """Whether ways to compute it wrongly account for what the paper shows below its threshold, and at single points.
+
+    Nothing of the paper's program is published: what is found here can only be compatible with it.
+    """
+
+    threshold: Real = Field(description="printed [m]")
+    step: Real = Field(description="between the places that are searched [m]")
+    searches: tuple[RootSearch, ...]
+    matching_guess: Real | None = Field(description="guess from which the search first fails at the threshold [s]")
+    matching_search: RootSearch | None
+    wrong_zeros: tuple[WrongZero, ...]
+    early_crossings: tuple[EarlyCrossing, ...]
 
 
 def release_once(mechanisms: Sequence[Mechanism]) -> tuple[FloatArray, FloatArray]:
@@ -91,14 +158,6 @@ def _zero(solution: Solution, name: str, before: float, behind: float) -> float:
     return float(brentq(torque, before, behind, xtol=1e-14, rtol=1e-14))
 
 
-_ITERATIONS = 50  # Newton's method doubles its digits in each: whatever has not ended by then wanders
-_FOUND = 1e-9  # [s] of the last step
-_SAME = 1e-6  # [s] zeros are seconds apart
-_GUESSES = (0.1, 1.0)  # [s] a matching guess is looked for between these
-_SCAN = 1e-3  # [s] for crossings of the 45 deg line
-_AFTER = 5.0  # [s] of motion looked at after the hanger's late release
-
-
 @dataclass(frozen=True)
 class Searches:
     """Newton's method on the hanger's torque, both rests held, at many places of the fulcrum at once."""
@@ -131,7 +190,7 @@ class Searches:
             lowest = self.search(guess, ()).lowest
             return (np.inf if lowest is None else lowest) - threshold
 
-        low, high = _GUESSES
+        low, high = _BETWEEN
         if above(low) <= 0 or above(high) > 0:
             return None
         return float(bisect(lambda guess: 1.0 if above(guess) > 0 else -1.0, low, high, xtol=1e-4))
@@ -194,11 +253,14 @@ def wrong_zero(rigid: RigidSwing) -> WrongZero | None:
     )
 
 
-def early_crossings(l1: float, solution: Solution) -> list[EarlyCrossing]:
-    """Crossings of the 45 deg line before the sling's rest has opened."""
+def early_crossings(rigid: RigidSwing) -> list[EarlyCrossing]:
+    """Crossings of the 45 deg line before the sling's rest has opened, under release-once."""
+    solution = solve_to_launch(rigid.mechanism)
     opened = solution.release_times[SLING_REST]
     end = solution.segments[-1].end if opened is None else opened
-    return [EarlyCrossing(l1=l1, time=time, speed=speed) for time, speed in crossings(solution, 0.0, end)]
+    return [
+        EarlyCrossing(l1=rigid.parameters.l1, time=time, speed=speed) for time, speed in crossings(solution, 0.0, end)
+    ]
 
 
 def crossings(solution: Solution, start: float, end: float) -> list[tuple[float, float]]:
@@ -208,3 +270,28 @@ def crossings(solution: Solution, start: float, end: float) -> list[tuple[float,
     found = np.flatnonzero(np.diff(np.sign(lead(velocity))) != 0)
     along = np.sign(velocity[:, 0]) * np.hypot(velocity[:, 0], velocity[:, 1])
     return [(float(times[i]), float(along[i])) for i in found]
+
+
+def artefact(rigid: Callable[[float], RigidSwing], start: float, end: float, change: float | None) -> Artefact:
+    """Faulty searches along the beam, and what follows from their wrong zeros.
+
+    Args:
+        rigid: the machine at a place, its rests held.
+        start, end: of the places swept [m].
+        change: where the hanger's rest would begin to have to pull [m]; None: nowhere.
+    """
+    last = end if change is None else change
+    l1 = np.round(np.arange(start, last, PAPER_GRID), 9)
+    places = Searches(l1, tuple(rigid(float(x)) for x in l1))
+    guess = places.matching_guess(BACKWARD_L1.value)
+    late = [wrong_zero(rigid(x)) for x in _LATE if start <= x <= last]
+    early = [found for x in _EARLY if start <= x <= end for found in early_crossings(rigid(x))]
+    return Artefact(
+        threshold=BACKWARD_L1.value,
+        step=PAPER_GRID,
+        searches=tuple(places.search(each, (ZERO_L1.value,)) for each in _GUESSES),
+        matching_guess=guess,
+        matching_search=None if guess is None else places.search(guess, (ZERO_L1.value,)),
+        wrong_zeros=tuple(found for found in late if found is not None),
+        early_crossings=tuple(early),
+    )

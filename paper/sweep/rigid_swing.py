@@ -19,6 +19,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import Polynomial
+from pydantic import Field
 from scipy.special import ellipj, ellipk, ellipkinc
 
 from ...models.arrays import FloatArray
@@ -26,8 +27,19 @@ from ...models.kinematics import Kinematics
 from ...models.machines.parameters import TrebuchetParameters
 from ...models.machines.trebuchet import fixed
 from ...models.mechanism import Mechanism
+from ...models.spec import Real, Spec
 
 _ROUNDING = 256 * float(np.finfo(np.float64).eps)
+
+
+class Swing(Spec):
+    """The machine with both rests held, pulling too: one rigid body that swings about the fulcrum for ever."""
+
+    l1: Real = Field(description="[m]")
+    largest_angle: Real = Field(description="of theta [rad]")
+    period: Real = Field(description="of its swing [s]")
+    largest_torque: Real = Field(description="of the hanger's rest, over the whole swing [N m]")
+    zeros: tuple[Real, ...] = Field(description="of that torque, within one period [s]; empty: it never comes to zero")
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
+from pydantic import Field
 from scipy.optimize import brentq
 from scipy.stats import linregress
 
@@ -16,22 +17,122 @@ from ...models.arrays import FloatArray
 from ...models.errors import InputError
 from ...models.machines.parameters import TrebuchetParameters
 from ...models.machines.trebuchet import HANGER_REST, fixed
+from ...models.spec import Real, Spec, Vector
 from ...reference.equations import Equations
-from ...reference.solution import Solution
 from ...reference.solver import solve_to_launch
 from ...reference.throw.release import Projectile
+from ..evidence.claims import BEST_L1, TABLE_L1, ZERO_L1, EngineValue, Quantity
 from ..evidence.engine_runs import furthest_back, launches
-from ..evidence.printed import BACKWARD_L1, BEST_L1, TABLE_L1, ZERO_L1
-from ..evidence.results import Quantity
-from .laws import Searches, bilateral, early_crossings, pulls_at_start, release_once, wrong_zero
-from .results import Artefact, Backward, Curve, Neighbourhood, Peak, Position, Regime, Sweep, Swing, Trend
-from .rigid_swing import RigidSwing, gravity_and_inertia, hanger_torque_on_beam, on_beam, zeros_within
+from .laws import PAPER_GRID, Artefact, Curve, artefact, bilateral, pulls_at_start, release_once
+from .rigid_swing import RigidSwing, Swing, gravity_and_inertia, hanger_torque_on_beam, on_beam, zeros_within
 
+ENGINES = ("mujoco", "pymunk", "exudyn")
+WITH_ENGINES = (8.6, 9.0, 9.5, 9.89, 10.3, 12.6, 12.72, 12.73, 12.9)
+"""Places [m] the engines are asked about: where the paper's machine falls backward, where its plot is zero, and both
+sides of the regime change."""
+DENNY = (3.0, 5.0)
+"""Lever ratios the paper quotes as the best for a similar system."""
 HAIR = 1e-6
 """Either side of the regime change [m]: to this it is located."""
 _INTERVALS = 180  # of the curve: 25 mm each over the paper's range
 _HALF_WIDTH, _DEGREE = 0.25, 14  # of the interpolation around the peak [m]; its coefficients fall below rounding there
 _SAFETY = 4.0  # on the difference of two integrators, as where certificates are estimated
+
+
+class Peak(Spec):
+    """Where the launch is fastest."""
+
+    l1: Quantity
+    speed: Quantity
+    lever_ratio: Real = Field(description="l1 / l2")
+    interior: bool = Field(description="whether it lies inside the swept range")
+
+
+class Position(Spec):
+    """One place of the fulcrum."""
+
+    l1: Real = Field(description="[m]")
+    lever_ratio: Real = Field(description="l1 / l2")
+    arm_torque: Real = Field(description="of gravity about the fulcrum at the start, positive clockwise [N m]")
+    arm_acceleration: Real = Field(description="of theta at the start [rad/s^2]")
+    counterweight_acceleration: Vector = Field(description="at the start, x and y [m/s^2]")
+    rest_torques: dict[str, Real] = Field(description="at the start, both held; negative: would have to pull [N m]")
+    release_times: dict[str, Real | None] = Field(description="of the rests, under release-once [s]")
+    furthest_back: Real = Field(description="least of theta - theta(0) up to the launch [rad]; 0: never backward")
+    launch_time: Real | None = Field(description="[s]")
+    speed: Quantity | None = Field(description="at the launch, under release-once [m/s]")
+    bilateral_speed: Real | None = Field(description="at the launch, under the bilateral law [m/s]")
+    engines: tuple[EngineValue, ...] = Field(default=(), description="launch speed of each engine's tuned preset [m/s]")
+    engines_furthest_back: tuple[EngineValue, ...] = Field(default=(), description="as `furthest_back` [rad]")
+
+
+class Backward(Spec):
+    """Where on the beam the machine would start to fall backward: the zero of gravity's torque about the fulcrum."""
+
+    l1: Real | None = Field(description="below it the arm turns backward [m]; None: nowhere on the beam")
+    counterweight_past_pivot: Real | None = Field(description="below it the counterweight starts behind it [m]")
+    least_torque: Real = Field(description="of gravity about the fulcrum at the start, over the swept range [N m]")
+    furthest_back: Real = Field(description="least theta - theta(0) before the launch, over all positions [rad]")
+
+
+class Neighbourhood(Spec):
+    """A point of the curve against its neighbours on the paper's grid: whether anything happens there."""
+
+    l1: Real = Field(description="[m]")
+    step: Real = Field(description="of the grid [m]")
+    speed: Real = Field(description="[m/s]")
+    from_neighbours: Real = Field(description="interpolated from the neighbours alone [m/s]")
+    second_difference: Real = Field(description="over one step, divided by its square [m/s per m^2]")
+    second_derivative: Real = Field(description="of the curve around it, the point itself left out [m/s per m^2]")
+
+
+class Regime(Spec):
+    """Where the hanger's rest would begin to have to pull at the start."""
+
+    l1: Quantity | None = Field(description="zero of the hanger's torque at the start, in closed form [m]; None: none")
+    root: Real | None = Field(default=None, description="the same by root finding on the equations of motion [m]")
+    needed: Real | None = Field(default=None, description="acceleration across the hanger that the arm imposes [m/s^2]")
+    available: Real | None = Field(default=None, description="gravity's component across the hanger [m/s^2]")
+    below: Position | None = Field(default=None, description="a hair below it")
+    above: Position | None = Field(default=None, description="a hair above it")
+    swing: Swing | None = Field(
+        default=None,
+        description="just above it, taken in the paper's order: both held until the hanger's torque is zero",
+    )
+
+
+class Trend(Spec):
+    """A straight line through the curve."""
+
+    start: Real = Field(description="l1 [m]")
+    end: Real = Field(description="l1 [m]")
+    slope: Real = Field(description="[m/s per m]")
+    determination: Real = Field(description="R^2 of the line")
+    largest_residual: Real = Field(description="[m/s]")
+    falling: bool = Field(description="whether the speed falls everywhere")
+    steepest: Real = Field(description="[m/s per m]")
+    flattest: Real = Field(description="[m/s per m]")
+
+
+class Sweep(Spec):
+    """All of it."""
+
+    beam: Real = Field(description="l1 + l2 [m]")
+    start: Real = Field(description="of l1 [m]")
+    end: Real = Field(description="of l1 [m]")
+    curve: Curve
+    peak: Peak
+    positions: tuple[Position, ...] = Field(description="in order of l1; engines at some of them")
+    backward: Backward
+    suspect: Neighbourhood = Field(description="at the isolated zero of the paper's plot")
+    regime: Regime
+    trend: Trend = Field(description="from the paper's peak to the regime change")
+    artefact: Artefact
+    seconds: Real = Field(description="wall time [s]")
+
+    def position(self, l1: float) -> Position | None:
+        """The looked-at place nearest to within a nanometre, if it is one of them."""
+        return next((p for p in self.positions if abs(p.l1 - l1) < 1e-9), None)
 
 
 @dataclass(frozen=True)
@@ -210,10 +311,6 @@ class Beam:
             flattest=float(slopes[np.argmin(np.abs(slopes))]),
         )
 
-    def solution(self, l1: float) -> Solution:
-        """The reference motion at a place, under release-once."""
-        return solve_to_launch(self.rigid(l1).mechanism)
-
 
 def _stationary(fit: Chebyshev, domain: tuple[float, float]) -> float | None:
     """Where an interpolant has its maximum inside its domain."""
@@ -224,22 +321,6 @@ def _stationary(fit: Chebyshev, domain: tuple[float, float]) -> float | None:
 
 def _or_none(values: FloatArray) -> tuple[float | None, ...]:
     return tuple(float(v) if np.isfinite(v) else None for v in values)
-
-
-__all__ = ["Sweep", "fulcrum_sweep"]
-
-ENGINES = ("mujoco", "pymunk", "exudyn")
-WITH_ENGINES = (8.6, 9.0, 9.5, 9.89, 10.3, 12.6, 12.72, 12.73, 12.9)
-"""Places [m] the engines are asked about: where the paper's machine falls backward, where its plot is zero, and both
-sides of the regime change."""
-DENNY = (3.0, 5.0)
-"""Lever ratios the paper quotes as the best for a similar system."""
-PAPER_GRID = 0.01
-"""[m]: its l1 are printed to two digits."""
-
-_GUESSES = (0.3, 0.4, 0.5, 0.6, 0.8, 1.0)  # [s] guesses somebody might type
-_EARLY = (9.0, 9.5, 9.89, 10.0, 11.0)  # [m] either side of the paper's threshold
-_LATE = (8.6, 9.0, 9.4, 9.8)  # [m] below it
 
 
 def fulcrum_sweep(
@@ -287,24 +368,6 @@ def fulcrum_sweep(
         suspect=line.neighbourhood(ZERO_L1.value, PAPER_GRID),
         regime=regime,
         trend=line.trend(curve, BEST_L1.value, end if regime.l1 is None else regime.l1.value),
-        artefact=_artefact(line, regime),
+        artefact=artefact(line.rigid, start, end, None if regime.l1 is None else regime.l1.value),
         seconds=time.perf_counter() - began,
-    )
-
-
-def _artefact(line: Beam, regime: Regime) -> Artefact:
-    end = line.end if regime.l1 is None else regime.l1.value
-    l1 = np.round(np.arange(line.start, end, PAPER_GRID), 9)
-    places = Searches(l1, tuple(line.rigid(float(x)) for x in l1))
-    guess = places.matching_guess(BACKWARD_L1.value)
-    late = [wrong_zero(line.rigid(x)) for x in _LATE if line.start <= x <= end]
-    early = [found for x in _EARLY if line.start <= x <= line.end for found in early_crossings(x, line.solution(x))]
-    return Artefact(
-        threshold=BACKWARD_L1.value,
-        step=PAPER_GRID,
-        searches=tuple(places.search(each, (ZERO_L1.value,)) for each in _GUESSES),
-        matching_guess=guess,
-        matching_search=None if guess is None else places.search(guess, (ZERO_L1.value,)),
-        wrong_zeros=tuple(found for found in late if found is not None),
-        early_crossings=tuple(early),
     )

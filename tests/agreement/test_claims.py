@@ -9,8 +9,8 @@ import pytest
 import trebucheck as tb
 from trebucheck.comparisons.runs.runner import Worker
 from trebucheck.engines.registry import engine_class, engine_names
-from trebucheck.paper.claims import THROWS
 from trebucheck.paper.curves import series
+from trebucheck.paper.evidence.claims import Claim, Verdict
 from trebucheck.paper.evidence.engine_runs import SampledMotion
 from trebucheck.paper.evidence.quantities import (
     ARM_ARRIVAL,
@@ -24,10 +24,9 @@ from trebucheck.paper.evidence.quantities import (
     certified,
     read,
 )
-from trebucheck.paper.evidence.results import Claim, Verdict
 from trebucheck.paper.evidence.throws import throw_by_all
 from trebucheck.paper.evidence.verdicts import Evidence
-from trebucheck.paper.study import MACHINES
+from trebucheck.paper.study import MACHINES, THROWS
 from trebucheck.reference.certification.certificate import load_certificate
 from trebucheck.reference.certification.certify import MinimalMotion
 from trebucheck.reference.certification.quantities import Key

@@ -15,10 +15,9 @@ from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.report.numbers import sentence
 from trebucheck.models.spec import schema_text
 from trebucheck.paper import report as shown
-from trebucheck.paper.claims import UNREACHED, order
-from trebucheck.paper.evidence.printed import parse
+from trebucheck.paper.design.efficiency import MachineEfficiency, Machines, SlingThrow, WidestThrow
+from trebucheck.paper.evidence.claims import Claim, EngineValue, Quantity, Series, Study, Verdict, parse
 from trebucheck.paper.evidence.quantities import fit
-from trebucheck.paper.evidence.results import Claim, EngineValue, Quantity, Series, Study, Verdict
 from trebucheck.paper.evidence.verdicts import (
     Cause,
     Grid,
@@ -35,11 +34,10 @@ from trebucheck.paper.evidence.verdicts import (
     undecided,
     vanishes,
 )
-from trebucheck.paper.machines.study import MachineEfficiency, Machines, SlingThrow, WidestThrow
 from trebucheck.paper.rows import machine as rows_machine
 from trebucheck.paper.rows import machines as rows_machines
-from trebucheck.paper.rows.release import around
-from trebucheck.paper.study import Jobs, study
+from trebucheck.paper.rows.throw import around
+from trebucheck.paper.study import UNREACHED, Jobs, order, study
 
 ROOT = Path(__file__).parents[2]
 Throws = tuple[float, float | None, float | None]

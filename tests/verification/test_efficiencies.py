@@ -11,7 +11,7 @@ from conftest import machine_parameters
 from hypothesis import given
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.machines.registry import model, parameters_type
-from trebucheck.paper.machines.search import (
+from trebucheck.paper.design.efficiency import (
     BOUNDS,
     SLINGS,
     available_energy,

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from trebucheck.models.errors import InputError
 from trebucheck.models.machines.trebuchet import fixed
-from trebucheck.paper.drag.motion import Throwing, common, interval, on_grid
-from trebucheck.paper.drag.results import AngleReading, DragInterval, DragStudy, GravityReading, PrintedAngle
-from trebucheck.paper.drag.study import PRINTED, drag_study
+from trebucheck.paper.drag.motion import AngleReading, DragInterval, PrintedAngle, Throwing, common, interval, on_grid
+from trebucheck.paper.drag.study import PRINTED, DragStudy, GravityReading, drag_study
 from trebucheck.reference.solver import solve_to_launch
 from trebucheck.reference.throw.flight import fly, world
 from trebucheck.reference.throw.release import Projectile

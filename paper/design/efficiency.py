@@ -1,4 +1,4 @@
-"""Energies of a machine, and the machines that throw best: with the fastest sling, and the most efficient ones.
+"""What every machine that the paper names makes of its energy: as given, with its fastest sling, and at its best.
 
 The paper cites machines without their lengths. What it says of them can only be compared with all such machines within
 stated bounds, at the paper's masses and length of arm. Where a machine has the paper's third constraint, a stop that
@@ -9,23 +9,98 @@ from __future__ import annotations
 
 import itertools
 import math
+import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import Field
 from scipy.optimize import NonlinearConstraint, minimize
 
+from ...comparisons.compare.study import Comparison, compare
+from ...comparisons.runs.results import Outcome, Run
 from ...models.arrays import FloatArray
 from ...models.errors import EngineNotInstalledError
 from ...models.kinematics import Kinematics
-from ...models.machines.registry import model, parameters_type
+from ...models.machines.registry import model, models, parameters_type
 from ...models.machines.trebuchet import ARM_STOP, PROJECTILE
 from ...models.mechanism import Mechanism
+from ...models.spec import Real, Spec
+from ...models.trajectory import Trajectory
+from ...reference.certification.certificate import reference_uncertainty
 from ...reference.equations import Equations
+from ...reference.solution import Solution
 from ...reference.solver import solve_to_launch
+from ...reference.throw.release import Projectile
+from ..evidence.claims import EngineValue
+from ..evidence.engine_runs import Allowed, speed_allowance
 
+SLINGS = (2.0, 14.0)
+"""Lengths looked at [m]: up to the paper's whole arm."""
+BOUNDS: dict[str, tuple[float, float]] = {"l1": (7.0, 13.0), "r": SLINGS, "theta0": (1.7, 2.6)}
+"""Arm on the sling's side [m], sling [m], start of an arm that begins backward [rad]: 30 to 82 deg below level."""
 _STARTS = 8  # of the search for the lowest position: a linkage has few
 _SEED = 1
+_LENGTHS, _REFINED_LENGTHS = 25, 7  # lengths at first, and in each closer look
+_LENGTH_REFINEMENTS = 4  # each a third as wide as the one before: 0.5 m become 6 mm, where the speed is flat to 1e-6
+_SLING_DURATION = 4.0  # [s] in which machines of this size launch
+_GRID = {"l1": 7, "r": 9, "theta0": 5}  # places at first: a metre, 1.5 m and 13 deg apart
+_REFINEMENTS = 3  # closer ones, a place to each side of the best: spacings become 4 cm, 6 cm and 0.5 deg
+_BESIDE, _CLOSER = 1, 3.0
+_DURATION = 5.0  # [s] in which machines of this size launch
+_BACKWARD = 1.0  # [rad] a start beyond this is one of an arm that begins backward
+
+
+class SlingThrow(Spec):
+    """One machine's throw at 45 degrees, by the reference."""
+
+    sling: Real | None = Field(description="length [m]; None: it has no sling")
+    launch_time: Real = Field(description="[s]")
+    speed: Real = Field(description="of the projectile [m/s]")
+    kinetic_energy: Real = Field(description="of the projectile [J]")
+    efficiency: Real = Field(description="kinetic energy over the energy available with that sling")
+    arm_angle: Real = Field(description="of the arm at the launch [rad]; 3 pi / 2 points straight up")
+
+
+class WidestThrow(SlingThrow):
+    """The throw of the most efficient machine of a kind within the bounds."""
+
+    l1: Real = Field(description="arm on the sling's side [m]; l1 + l2 as given")
+    theta0: Real = Field(description="start angle of the arm [rad]")
+
+
+class MachineEfficiency(Spec):
+    """One machine at the paper's masses and arm, with the paper's sling and with its fastest one."""
+
+    name: str
+    text: str
+    available_energy: Real = Field(description="from the start down to its lowest position of all [J]")
+    total_energy: Real = Field(description="the paper's E: of the start, zero at the fulcrum's height [J]")
+    table_one: SlingThrow
+    fastest_sling: SlingThrow | None = Field(description="with the sling that throws fastest; None: no sling")
+    most_efficient: WidestThrow | None = Field(
+        default=None, description="of all within the bounds; None: not looked for, since that needs heyoka"
+    )
+    speed_uncertainty: Real | None = Field(description="of the speed with the paper's sling [m/s]")
+    engines: tuple[EngineValue, ...] = Field(default=(), description="efficiency with the paper's sling")
+    distances: tuple[EngineValue, ...] = Field(
+        default=(), description="largest distance of any marker from ours up to the launch [m], each with its tolerance"
+    )
+
+
+class Machines(Spec):
+    """All of them, in the registry's order."""
+
+    machines: tuple[MachineEfficiency, ...]
+    slings: tuple[Real, Real] = Field(description="sling lengths looked at, from and to [m]")
+    bounds: dict[str, tuple[Real, Real]] = Field(
+        description="of l1 [m], r [m] and, where the arm begins backward, theta0 [rad], for the most efficient"
+    )
+    seconds: Real = Field(description="wall time [s]")
+
+    def named(self, name: str) -> MachineEfficiency:
+        """The machine of that name."""
+        return next(machine for machine in self.machines if machine.name == name)
 
 
 def thrown_mass(mechanism: Mechanism) -> float:
@@ -73,14 +148,6 @@ def available_energy(mechanism: Mechanism) -> float:
 
 def _closes(equations: Equations, q: FloatArray) -> bool:
     return bool(np.abs(equations.loop_residual(q)).max(initial=0.0) < 1e-8)
-
-
-SLINGS = (2.0, 14.0)
-"""Lengths looked at [m]: up to the paper's whole arm."""
-
-_LENGTHS, _REFINED_LENGTHS = 25, 7  # lengths at first, and in each closer look
-_LENGTH_REFINEMENTS = 4  # each a third as wide as the one before: 0.5 m become 6 mm, where the speed is flat to 1e-6
-_SLING_DURATION = 4.0  # [s] in which machines of this size launch
 
 
 @dataclass(frozen=True)
@@ -153,16 +220,6 @@ def _checked(machine: Mechanism, q: FloatArray, speed: float, time: float) -> La
     if has_stop and float(Kinematics(machine).gap(ARM_STOP, q)) <= 0:
         return _NONE
     return Launched(speed, time, float(q[0]))
-
-
-BOUNDS: dict[str, tuple[float, float]] = {"l1": (7.0, 13.0), "r": SLINGS, "theta0": (1.7, 2.6)}
-"""Arm on the sling's side [m], sling [m], start of an arm that begins backward [rad]: 30 to 82 deg below level."""
-
-_GRID = {"l1": 7, "r": 9, "theta0": 5}  # places at first: a metre, 1.5 m and 13 deg apart
-_REFINEMENTS = 3  # closer ones, a place to each side of the best: spacings become 4 cm, 6 cm and 0.5 deg
-_BESIDE, _CLOSER = 1, 3.0
-_DURATION = 5.0  # [s] in which machines of this size launch
-_BACKWARD = 1.0  # [rad] a start beyond this is one of an arm that begins backward
 
 
 @dataclass(frozen=True)
@@ -243,3 +300,93 @@ def _rated(
             lowest[l1] = top - available_energy(machine) + hanging
         available = top - (lowest[l1] - hanging)
         yield Widest(place, machine, thrown, kinetic_energy(machine, thrown.speed) / available)
+
+
+def efficiencies(engines: Sequence[str] | None = None) -> Machines:
+    """Throw every named machine by the reference and the engines' tuned presets.
+
+    Args:
+        engines: names; all if left out, none if empty. One that is absent or fails becomes a note.
+    """
+    started = time.perf_counter()
+    names = tuple(models())
+    named = engines if engines is None else tuple(engines) or ("reference",)
+    comparison = compare(names, engines=named, presets=("tuned",))
+    rows = tuple(_efficiency(name, comparison) for name in names)
+    return Machines(machines=rows, slings=SLINGS, bounds=BOUNDS, seconds=time.perf_counter() - started)
+
+
+def _efficiency(name: str, comparison: Comparison) -> MachineEfficiency:
+    mechanism, solution = model(name), comparison.solutions[name]
+    launch = solution.launch
+    assert launch is not None, f"{name} is a machine that launches"
+    arm = float(solution.motion(np.array([launch.time])).q[0, 0])
+    available = available_energy(mechanism)
+    built = Launched(launch.speed, launch.time, arm)
+    best = fastest_sling(name)
+    sling = next((body.centre[0] for body in mechanism.bodies if body.name == "sling"), None)
+    runs = [run for run in comparison.results.runs if run.model == name and run.engine != "reference"]
+    trajectories = {label: t for (machine, label), t in comparison.trajectories.items() if machine == name}
+    return MachineEfficiency(
+        name=name,
+        text=models()[name],
+        available_energy=available,
+        total_energy=potential_energy(mechanism),
+        table_one=_throw(mechanism, available, sling, built),
+        fastest_sling=None if best is None else _throw(best[1], available_energy(best[1]), best[0], best[2]),
+        most_efficient=_widest(name),
+        speed_uncertainty=reference_uncertainty(solution, launch.time).of("launch_speed"),
+        engines=tuple(
+            _by_engine(run, trajectories.get(run.label), _allowed(run, solution), mechanism, available) for run in runs
+        ),
+        distances=tuple(_distance(run) for run in runs),
+    )
+
+
+def _throw(mechanism: Mechanism, available: float, sling: float | None, thrown: Launched) -> SlingThrow:
+    kinetic = kinetic_energy(mechanism, thrown.speed)
+    return SlingThrow(
+        sling=sling,
+        launch_time=thrown.time,
+        speed=thrown.speed,
+        kinetic_energy=kinetic,
+        efficiency=kinetic / available,
+        arm_angle=thrown.arm,
+    )
+
+
+def _widest(name: str) -> WidestThrow | None:
+    best = most_efficient(name)
+    if best is None:
+        return None
+    machine = best.mechanism
+    throw = _throw(machine, available_energy(machine), best.chosen.get("r"), best.thrown)
+    return WidestThrow(**dict(throw), l1=best.chosen["l1"], theta0=machine.start[0])
+
+
+def _allowed(run: Run, solution: Solution) -> float | None:
+    """What the engine's tolerances leave of the launch speed [m/s]."""
+    found = {(metric.name, metric.subject): metric.tolerance for metric in run.metrics}
+    tolerances = Allowed(found.get(("position_max", PROJECTILE)), found.get(("launch_speed", None)))
+    launch = solution.launch
+    return None if launch is None else speed_allowance(tolerances, Projectile(solution), launch.time)
+
+
+def _by_engine(
+    run: Run, trajectory: Trajectory | None, allowed: float | None, mechanism: Mechanism, available: float
+) -> EngineValue:
+    launch = None if trajectory is None else trajectory.launch()
+    if launch is None:
+        return EngineValue(engine=run.engine, value=None, note=run.message or "its projectile is not launched")
+    tolerance = None if allowed is None else thrown_mass(mechanism) * launch.speed * allowed / available
+    return EngineValue(
+        engine=run.engine, value=kinetic_energy(mechanism, launch.speed) / available, tolerance=tolerance
+    )
+
+
+def _distance(run: Run) -> EngineValue:
+    if run.outcome not in (Outcome.OK, Outcome.BROKEN):
+        return EngineValue(engine=run.engine, value=None, note=run.message)
+    found = [metric for metric in run.metrics if metric.name == "position_max" and metric.value is not None]
+    tolerance = next((metric.tolerance for metric in found if metric.subject == PROJECTILE), None)
+    return EngineValue(engine=run.engine, value=max(abs(metric.value or 0.0) for metric in found), tolerance=tolerance)

@@ -1,1 +1,0 @@
-"""Every machine the paper names, and what it makes of its energy."""
