@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from ..models.errors import TrebucheckError
-from . import certify, compare, converge, engines, explain, models, paper, recommend, run, throw
+from . import catalogue, certify, paper, recommend, run, studies, throw
 
 app = typer.Typer(
     name="trebucheck",
@@ -28,18 +28,18 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 for name, command in {
-    "compare": compare.compare_command,
-    "explain": explain.explain_command,
+    "compare": studies.compare_command,
+    "explain": studies.explain_command,
     "run": run.run_command,
     "throw": throw.throw_command,
     "certify": certify.certify_command,
     "recommend": recommend.recommend_command,
-    "converge": converge.converge_command,
+    "converge": studies.converge_command,
     "paper": paper.paper_command,
-    "engines": engines.engines_command,
+    "engines": catalogue.engines_command,
 }.items():
     app.command(name)(command)
-app.add_typer(models.app, name="models")
+app.add_typer(catalogue.models_app, name="models")
 
 
 def _show_version(asked: bool) -> None:

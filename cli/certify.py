@@ -37,7 +37,7 @@ def certify_command(
     from ..reference.certification.certify import certify
 
     chosen = options.parameters(assignments, beam)
-    machines = options.machines(models, chosen)
+    machines = options.machines(models, assignments, beam)
     refuse_unwritable(out)
     for name, mechanism in zip(options.names(models, "--models"), machines, strict=True):
         command = _command(name, assignments, beam)

@@ -91,7 +91,6 @@ class Chosen:
         Raises:
             InputError: the machine, or one of the names, is unknown, or a value is not valid.
         """
-        from ..models.errors import InputError
         from ..models.machines.registry import parameters_type
 
         kind = parameters_type(name)
@@ -114,7 +113,6 @@ class Chosen:
         return found if isinstance(found, TrebuchetParameters) else None
 
     def _short_end(self, kind: type[Spec]) -> dict[str, float]:
-        from ..models.errors import InputError
         from ..models.machines.parameters import short_end
 
         if self.beam is None:
@@ -141,15 +139,16 @@ def _number(name: str, text: str) -> float:
         raise InputError(f"--set {name} = {text!r} is not a number.") from None
 
 
-def machines(text: str, chosen: Chosen) -> list[Mechanism]:
-    """Mechanisms by name or from files.
+def machines(text: str, texts: list[str] | None, beam: float | None) -> list[Mechanism]:
+    """Mechanisms by name or from files, named ones with the parameters of --set and --beam.
 
     Raises:
-        InputError: a name is unknown, or a file cannot be read or is not a mechanism.
+        InputError: a name is unknown, a parameter is not valid, or a file cannot be read or is not a mechanism.
     """
     from ..models.machines.registry import model
     from ..models.mechanism import Mechanism
 
+    chosen = parameters(texts, beam)
     found: list[Mechanism] = []
     for name in names(text, "--models"):
         if name.endswith(".json") and chosen:
@@ -158,13 +157,13 @@ def machines(text: str, chosen: Chosen) -> list[Mechanism]:
     return found
 
 
-def machine(text: str, chosen: Chosen, command: str) -> Mechanism:
+def machine(text: str, texts: list[str] | None, beam: float | None, command: str) -> Mechanism:
     """The mechanism of a command that takes one.
 
     Raises:
         InputError: as :func:`machines`, or there are several.
     """
-    found = machines(text, chosen)
+    found = machines(text, texts, beam)
     if len(found) != 1:
         raise InputError(f"--model {text!r} names {len(found)} machines; `{command}` takes one.")
     return found[0]

@@ -60,7 +60,7 @@ def recommend_command(
         raise InputError("nothing is asked; give at least one of --position, --torque and --release.")
     asked = Asked(position=position, release=release, **(read_torque(torque) if torque is not None else {}))
     chosen = options.parameters(assignments, beam)
-    mechanism, own = options.machine(model, chosen, "recommend"), model.strip().endswith(".json")
+    mechanism, own = options.machine(model, assignments, beam, "recommend"), model.strip().endswith(".json")
     parameters = None if own else chosen.of(model.strip())
     study = options.study([mechanism if own else model.strip()], engines, out, resume, timeout, parameters=parameters)
     with output.progress("references", 30) as show:

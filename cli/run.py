@@ -38,7 +38,7 @@ def run_command(
     from ..models.problem import Problem
     from ..models.trajectory import save
 
-    mechanism = options.machine(model, options.parameters(assignments, beam), "run")
+    mechanism = options.machine(model, assignments, beam, "run")
     own = options.engine_options(option)
     if timestep is not None:
         own["timestep"] = timestep

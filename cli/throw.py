@@ -69,7 +69,7 @@ def throw_command(
     from ..reference.throw.throw import perform
 
     chosen = options.parameters(assignments, beam)
-    mechanism = options.machine(model, chosen, "throw")
+    mechanism = options.machine(model, assignments, beam, "throw")
     if body is not None and "g" in options.assignments(assignments, "--set"):
         raise InputError(f"--body {body} brings its own gravity; leave out --set g, or --body.")
     if sensitivities and model.strip() not in ("fixed", "rolling"):

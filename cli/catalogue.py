@@ -1,4 +1,4 @@
-"""`trebucheck models`: list, show, export."""
+"""`trebucheck engines` and `trebucheck models`: what is here, and what it can do."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import Annotated
 
 import typer
 
-from . import options
+from . import options, output
 
-app = typer.Typer(help="The machines: list them, show one as JSON, export its MJCF.", no_args_is_help=True)
+models_app = typer.Typer(help="The machines: list them, show one as JSON, export its MJCF.", no_args_is_help=True)
 
 _Name = Annotated[str, typer.Argument(help=options.MACHINES)]
 
 
-@app.command("list")
+@models_app.command("list")
 def list_command() -> None:
     """List the machines there are."""
     from ..models.machines.registry import models
@@ -24,17 +24,17 @@ def list_command() -> None:
         typer.echo(f"{name:<{width}}  {text}")
 
 
-@app.command("show")
+@models_app.command("show")
 def show_command(name: _Name, assignments: options.Set = None, beam: options.Beam = None) -> None:
     """Print a machine as JSON, with other parameters if asked.
 
     Example: trebucheck models show rolling --set l1=9.5
     """
-    for mechanism in options.machines(name, options.parameters(assignments, beam)):
+    for mechanism in options.machines(name, assignments, beam):
         typer.echo(mechanism.to_json())
 
 
-@app.command("schema")
+@models_app.command("schema")
 def schema_command() -> None:
     """Print the JSON schema of a mechanism."""
     from ..models.mechanism import mechanism_schema
@@ -42,7 +42,7 @@ def schema_command() -> None:
     typer.echo(mechanism_schema(), nl=False)
 
 
-@app.command("export")
+@models_app.command("export")
 def export_command(
     name: _Name,
     assignments: options.Set = None,
@@ -56,7 +56,29 @@ def export_command(
     """
     from ..models.mjcf.writer import write_model_folder
 
-    for mechanism in options.machines(name, options.parameters(assignments, beam)):
+    for mechanism in options.machines(name, assignments, beam):
         folder = out or Path(mechanism.name)
         write_model_folder(mechanism, folder, timestep=timestep)
         typer.echo(f"Wrote {folder}")
+
+
+def engines_command() -> None:
+    """List the engines: installed or not, version, presets and capabilities."""
+    from ..comparisons.report.document import Document, Listing, Text, table
+    from ..engines.registry import engines
+
+    titles = "engine | version | presets | joint forces | releases | stop laws"
+    rows = [
+        (
+            status.name,
+            status.version if status.installed else "not installed",
+            ", ".join(status.presets),
+            status.capabilities.joint_reactions,
+            "inside a step" if status.capabilities.located_releases else "at a step's end",
+            ", ".join(sorted(status.capabilities.stop_laws)).replace("release-once, unilateral", "both"),
+        )
+        for status in engines().values()
+    ]
+    texts = (Text(f"{status.name}: {status.capabilities.formulation}") for status in engines().values())
+    blocks = (table(titles, rows), Listing(tuple(texts)))
+    output.show(Document("engines", blocks))

@@ -1,0 +1,134 @@
+"""`trebucheck compare`, `converge` and `explain`: engines measured on machines."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from . import options, output
+
+
+def compare_command(
+    models: options.Models = "fixed,rolling",
+    engines: options.Engines = "",
+    preset: options.Preset = "tuned,stock",
+    timestep: options.Timestep = None,
+    duration: options.Duration = None,
+    assignments: options.Set = None,
+    beam: options.Beam = None,
+    stop_law: options.StopLaw = "release-once",
+    resume: options.Resume = False,
+    timeout: options.Timeout = 600.0,
+    out: Annotated[Path, typer.Option("--out", help="Folder for report.html, results.json and trajectories.")] = Path(
+        "report"
+    ),
+) -> None:
+    """Run engines on machines, measure them against the reference and each other, and write the report.
+
+    Writes report.html (self-contained), results.json and one NetCDF file a run; prints the agreement table.
+    Ends with exit code 1 if a tolerance is broken or a run failed.
+
+    Examples:
+    trebucheck compare --out report
+
+    trebucheck compare --models fixed --engines mujoco,pymunk --preset tuned --timestep 1e-3 --set l1=9.5
+    """
+    from ..comparisons.compare.report import document
+    from ..comparisons.compare.study import compare
+    from ..comparisons.runs.store import Store
+    from ..models.files import refuse_unwritable
+
+    machines = options.machines(models, assignments, beam)
+    presets = options.names(preset, "--preset")
+    chosen = options.engine_names(engines)
+    refuse_unwritable(out)
+    with output.progress(width=28) as show:
+        comparison = compare(
+            machines,
+            chosen,
+            presets,
+            timestep=timestep,
+            duration=duration,
+            stop_law=stop_law,
+            timeout=timeout,
+            store=Store(out / "trajectories", resume, out / "runs"),
+            progress=lambda case, done, of: show(f"{case.model}: {case.label}", done, of),
+        )
+    data = out / "results.json", comparison.results.to_json()
+    output.publish(data, document(comparison), out / "report.html", current=comparison.repeated)
+    if not comparison.passed:
+        raise typer.Exit(1)
+
+
+def converge_command(
+    models: options.Models = "fixed,rolling",
+    engines: options.Engines = "",
+    knobs: Annotated[
+        str, typer.Option("--knobs", "--knob", help="Knobs, comma-separated, e.g. timestep,solref; all by default.")
+    ] = "",
+    assignments: options.Set = None,
+    beam: options.Beam = None,
+    resume: options.Resume = False,
+    timeout: options.Timeout = 600.0,
+    out: Annotated[Path, typer.Option("--out", help="Folder for converge.html, converge.json and the runs.")] = Path(
+        "converge"
+    ),
+) -> None:
+    """Turn each engine's knobs and see how its error falls: orders, floors and their causes, Richardson limits.
+
+    Writes converge.html (self-contained) and converge.json; prints orders and laws. A run that fails is a failed
+    point of its study.
+
+    Examples:
+    trebucheck converge --out converge
+
+    trebucheck converge --models rolling --engines mujoco --knobs timestep,solref --set l1=9.5
+    """
+    from ..comparisons.converge.report import document
+    from ..comparisons.converge.study import converge
+
+    machines = options.machines(models, assignments, beam)
+    chosen = options.names(knobs, "--knobs") if knobs else None
+    study = options.study(machines, engines, out, resume, timeout)
+    with output.progress() as show:
+        studies = converge(replace(study, progress=show), chosen)
+    output.publish((out / "converge.json", studies.to_json()), document(studies), out / "converge.html")
+
+
+def explain_command(
+    models: options.Models = "fixed,rolling",
+    engines: options.Engines = "",
+    preset: options.Preset = "tuned,stock",
+    timestep: options.Timestep = None,
+    assignments: options.Set = None,
+    beam: options.Beam = None,
+    resume: options.Resume = False,
+    timeout: options.Timeout = 600.0,
+    out: Annotated[Path, typer.Option("--out", help="Folder for explain.html, explain.json and the runs.")] = Path(
+        "explain"
+    ),
+) -> None:
+    """Split each engine's error among its causes, each measured by a run without it.
+
+    Also sets each engine's stock and tuned presets side by side and changes one option at a time. Writes explain.html
+    (self-contained) and explain.json; prints a summary. A run that fails is shown as such and ends nothing.
+
+    Examples:
+    trebucheck explain --models fixed --engines mujoco
+
+    trebucheck explain --preset tuned --timestep 5e-4 --set l1=9.5 --out why
+    """
+    from ..comparisons.explain.report import document
+    from ..comparisons.explain.study import explain
+
+    machines = options.machines(models, assignments, beam)
+    own = {} if timestep is None else {"timestep": timestep}
+    presets = options.names(preset, "--preset")
+    study = options.study(machines, engines, out, resume, timeout, presets=presets, options=own)
+    with output.progress(width=44) as show:
+        explanation = explain(replace(study, progress=show))
+    data = out / "explain.json", explanation.to_json()
+    output.publish(data, document(explanation), out / "explain.html", "Page")
