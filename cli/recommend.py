@@ -53,8 +53,8 @@ def recommend_command(
     trebucheck recommend --model fixed --set l1=9.5 --engines mujoco --position 1e-6 --release 1e-8
     """
     from ..comparisons.recommend import Asked, recommend
+    from ..comparisons.recommend.cases import read_torque
     from ..comparisons.recommend.report import document
-    from ..comparisons.recommend.target import read_torque
 
     if position is None and torque is None and release is None:
         raise InputError("nothing is asked; give at least one of --position, --torque and --release.")

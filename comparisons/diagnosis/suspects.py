@@ -8,7 +8,7 @@ Consistent initialisation makes the stops, or the start, fit the thing that was 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -104,18 +104,18 @@ def _changed(mechanism: Mechanism, start_moves: bool = False, **fields: Any) -> 
     return consistent_mechanism({**mechanism.model_dump(), **fields}, start_moves)
 
 
-def _with_joint(mechanism: Mechanism, name: str, **fields: Any) -> Mechanism | None:
-    return _changed(mechanism, joints=[j.model_dump() | (fields if j.name == name else {}) for j in mechanism.joints])
+def _with_part(
+    mechanism: Mechanism, parts: str, name: str, fields: Mapping[str, Any], start_moves: bool = False
+) -> Mechanism | None:
+    """With one of the bodies, joints or stops changed."""
+    every = [part.model_dump() | (dict(fields) if part.name == name else {}) for part in getattr(mechanism, parts)]
+    return _changed(mechanism, start_moves, **{parts: every})
 
 
-def _with_stop(mechanism: Mechanism, name: str, start_moves: bool = False, **fields: Any) -> Mechanism | None:
-    stops = [stop.model_dump() | (fields if stop.name == name else {}) for stop in mechanism.stops]
-    return _changed(mechanism, start_moves, stops=stops)
-
-
-def _with_body(mechanism: Mechanism, name: str, **fields: Any) -> Mechanism | None:
-    bodies = [body.model_dump() | (fields if body.name == name else {}) for body in mechanism.bodies]
-    return _changed(mechanism, bodies=bodies)
+def _suspect(name: str, kind: Kind, wrong: Mechanism | None, **others: Any) -> Iterator[Suspect]:
+    """The suspect, where there is such a mechanism."""
+    if wrong is not None:
+        yield Suspect(name, kind, wrong, **others)
 
 
 def _masses(mechanism: Mechanism) -> Iterator[Suspect]:
@@ -123,36 +123,30 @@ def _masses(mechanism: Mechanism) -> Iterator[Suspect]:
     named = parameters_of(mechanism) is not None
     for body in mechanism.bodies:
         if not named:
-            wrong = _with_body(mechanism, body.name, mass=body.mass * (1 + _SMALL))
-            if wrong:
-                yield Suspect(f"mass of the {body.name}", "machine", wrong)
+            wrong = _with_part(mechanism, "bodies", body.name, {"mass": body.mass * (1 + _SMALL)})
+            yield from _suspect(f"mass of the {body.name}", "machine", wrong)
         grown = body.inertia * _SMALL or body.mass * _SMALL  # of a point mass: a radius of gyration of a millimetre
-        wrong = _with_body(mechanism, body.name, inertia=body.inertia + grown)
-        if wrong and body.inertia:
-            yield Suspect(f"inertia of the {body.name}", "machine", wrong)
-        elif wrong:
-            yield Suspect(f"inertia of the {body.name}", "machine", wrong, scale=grown, unit="kg m^2")
+        wrong = _with_part(mechanism, "bodies", body.name, {"inertia": body.inertia + grown})
+        amount: dict[str, Any] = {} if body.inertia else {"scale": grown, "unit": "kg m^2"}
+        yield from _suspect(f"inertia of the {body.name}", "machine", wrong, **amount)
 
 
 def _centres(mechanism: Mechanism) -> Iterator[Suspect]:
     """Centres of mass along their bodies."""
     for body in mechanism.bodies:
-        x, y = body.centre
-        wrong = _with_body(mechanism, body.name, centre=(x * (1 + _SMALL), y * (1 + _SMALL)))
-        if wrong and body.centre != (0.0, 0.0):
-            yield Suspect(f"centre of mass of the {body.name}", "machine", wrong)
+        if body.centre != (0.0, 0.0):
+            wrong = _with_part(mechanism, "bodies", body.name, {"centre": _longer(body.centre)})
+            yield from _suspect(f"centre of mass of the {body.name}", "machine", wrong)
 
 
 def _positions(mechanism: Mechanism) -> Iterator[Suspect]:
     """Places of joints on the bodies that carry them."""
     for joint in mechanism.joints:
         for end in ("parent", "child"):
-            x, y = getattr(joint, f"{end}_point")
-            if (x, y) == (0.0, 0.0):
-                continue
-            wrong = _with_joint(mechanism, joint.name, **{f"{end}_point": (x * (1 + _SMALL), y * (1 + _SMALL))})
-            if wrong:
-                yield Suspect(f"place of the {joint.name} on the {getattr(joint, end)}", "machine", wrong)
+            point = getattr(joint, f"{end}_point")
+            if point != (0.0, 0.0):
+                wrong = _with_part(mechanism, "joints", joint.name, {f"{end}_point": _longer(point)})
+                yield from _suspect(f"place of the {joint.name} on the {getattr(joint, end)}", "machine", wrong)
     for joint in mechanism.loop_joints:
         yield from _shifted(mechanism, joint)
 
@@ -163,13 +157,16 @@ def _shifted(mechanism: Mechanism, joint: PinJoint | SlotJoint) -> Iterator[Susp
         for point, axis in zip(_aside(getattr(joint, f"{end}_point")), "xy", strict=True):
             if end == "parent" and isinstance(joint, SlotJoint) and abs(np.dot(_AXES[axis], joint.axis)) == 1.0:
                 continue  # a slot moved along its own line is the same slot
-            wrong = _with_joint(mechanism, joint.name, **{f"{end}_point": point})
-            if wrong:
-                name = f"place of the {joint.name} on the {getattr(joint, end)}, {axis}"
-                yield Suspect(name, "machine", wrong, unit="m")
+            wrong = _with_part(mechanism, "joints", joint.name, {f"{end}_point": point})
+            name = f"place of the {joint.name} on the {getattr(joint, end)}, {axis}"
+            yield from _suspect(name, "machine", wrong, unit="m")
 
 
 _AXES = {"x": (1.0, 0.0), "y": (0.0, 1.0)}
+
+
+def _longer(point: tuple[float, float]) -> tuple[float, float]:
+    return point[0] * (1 + _SMALL), point[1] * (1 + _SMALL)
 
 
 def _aside(point: tuple[float, float]) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -185,32 +182,27 @@ def _turned(direction: tuple[float, float]) -> tuple[float, float]:
 def _slots(mechanism: Mechanism) -> Iterator[Suspect]:
     """Wrong directions of slots."""
     for joint in mechanism.joints:
-        wrong = _with_joint(mechanism, joint.name, axis=_turned(joint.axis)) if isinstance(joint, SlotJoint) else None
-        if wrong:
-            yield Suspect(f"direction of the {joint.name}", "machine", wrong, unit="rad")
+        if isinstance(joint, SlotJoint):
+            wrong = _with_part(mechanism, "joints", joint.name, {"axis": _turned(joint.axis)})
+            yield from _suspect(f"direction of the {joint.name}", "machine", wrong, unit="rad")
 
 
 def wall_suspects(mechanism: Mechanism) -> Iterator[Suspect]:
     """Stops on points: a wrong offset, normal or point of the body."""
     for stop in mechanism.point_stops:
-        wrong = _with_stop(mechanism, stop.name, start_moves=True, offset=stop.offset + _SMALL)
-        if wrong:
-            yield Suspect(f"place of the {stop.name}", "machine", wrong, unit="m", start_moves=True)
-        wrong = _with_stop(mechanism, stop.name, normal=_turned(stop.normal))
-        if wrong:
-            yield Suspect(f"direction of the {stop.name}", "machine", wrong, unit="rad")
+        wrong = _with_part(mechanism, "stops", stop.name, {"offset": stop.offset + _SMALL}, start_moves=True)
+        yield from _suspect(f"place of the {stop.name}", "machine", wrong, unit="m", start_moves=True)
+        wrong = _with_part(mechanism, "stops", stop.name, {"normal": _turned(stop.normal)})
+        yield from _suspect(f"direction of the {stop.name}", "machine", wrong, unit="rad")
         for point, axis in zip(_aside(stop.point), "xy", strict=True):
-            wrong = _with_stop(mechanism, stop.name, start_moves=True, point=point)
-            if wrong:
-                name = f"point of the {stop.name} on the {stop.body}, {axis}"
-                yield Suspect(name, "machine", wrong, unit="m", start_moves=True)
+            wrong = _with_part(mechanism, "stops", stop.name, {"point": point}, start_moves=True)
+            name = f"point of the {stop.name} on the {stop.body}, {axis}"
+            yield from _suspect(name, "machine", wrong, unit="m", start_moves=True)
 
 
 def _gravity(mechanism: Mechanism) -> Iterator[Suspect]:
     if parameters_of(mechanism) is None:
-        wrong = _changed(mechanism, gravity=mechanism.gravity * (1 + _SMALL))
-        if wrong:
-            yield Suspect("gravity", "machine", wrong)
+        yield from _suspect("gravity", "machine", _changed(mechanism, gravity=mechanism.gravity * (1 + _SMALL)))
 
 
 def _starts(mechanism: Mechanism) -> Iterator[Suspect]:
@@ -221,20 +213,18 @@ def _starts(mechanism: Mechanism) -> Iterator[Suspect]:
         if named and is_angle:
             continue  # a parameter
         start = tuple(value + _SMALL * (k == i) for k, value in enumerate(mechanism.start))
-        wrong = _changed(mechanism, start=start)
-        if wrong:
-            yield Suspect(f"start of {name}", "start", wrong, unit="rad" if is_angle else "m")
+        unit = "rad" if is_angle else "m"
+        yield from _suspect(f"start of {name}", "start", _changed(mechanism, start=start), unit=unit)
 
 
 def _missing(mechanism: Mechanism) -> Iterator[Suspect]:
     for stop in mechanism.stops:
-        wrong = _changed(mechanism, stops=[other.model_dump() for other in mechanism.stops if other.name != stop.name])
-        if wrong and stop.closed:
-            yield Suspect(f"{stop.name} missing", "law", wrong, scale=0.0)
+        if stop.closed:
+            left = [other.model_dump() for other in mechanism.stops if other.name != stop.name]
+            yield from _suspect(f"{stop.name} missing", "law", _changed(mechanism, stops=left), scale=0.0)
     for joint in mechanism.loop_joints:
-        wrong = _changed(mechanism, joints=[j.model_dump() for j in mechanism.joints if j.name != joint.name])
-        if wrong:
-            yield Suspect(f"{joint.name} missing", "machine", wrong, scale=0.0)
+        left = [other.model_dump() for other in mechanism.joints if other.name != joint.name]
+        yield from _suspect(f"{joint.name} missing", "machine", _changed(mechanism, joints=left), scale=0.0)
 
 
 def _rounded(mechanism: Mechanism) -> Iterator[Suspect]:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .cases import Case
 from .results import Obstacle
 from .search import Search, Sweep
-from .target import Case
 
 _RISES = 2.0  # times the least error: more than an error that merely scatters with where a release falls in a step
 _FLAT = 1.5  # times the least error: within it, it does not depend on the step

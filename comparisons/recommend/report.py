@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from ...models.mechanism import Mechanism
 from ..report.document import Block, Code, Document, Heading, Text
 from ..report.numbers import format_number, sentence
+from .cases import unit_of
 from .results import Advice, Asked, Attempt, Choice, EngineAdvice, Errors
-from .target import unit_of
 
 
 def document(advice: Advice) -> Document:

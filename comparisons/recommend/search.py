@@ -20,7 +20,7 @@ from ...engines.protocol import Engine
 from ...engines.registry import engine, engine_class, engine_study
 from ...engines.study import OptionSet
 from ..runs.trials import Trial
-from .target import Case
+from .cases import Case
 
 RUNGS = 8
 # Of the machine's characteristic time. At twice this step even the best sets are not yet in the range where their

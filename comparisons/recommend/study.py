@@ -19,11 +19,10 @@ from ...models.spec import Spec
 from ...reference.solver import characteristic_time
 from ..runs.study import Counter, Study
 from ..runs.trials import Trial, Trials
-from . import neighbours as around
+from .cases import ANGLE, GRAVITY, LENGTH, MASS, Case, Neighbour, of_mechanism, of_parameters
 from .obstacles import explain
 from .results import Advice, Asked, Attempt, Choice, EngineAdvice, Errors, NeighbourMachine
 from .search import HARDEST, Level, Search, Sweep, ladder, option_sets
-from .target import Case
 
 NEIGHBOURS = 32
 _MOST_NEIGHBOURS = 200
@@ -44,7 +43,7 @@ def recommend(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advic
     """For each engine the cheapest measured settings that reach an accuracy target, or what stands in the way.
 
     They are measured on the machine and on the worst of its neighbours, machines of the same kind with other
-    parameters (:mod:`.neighbours`), so that they hold on another machine, too.
+    parameters (:mod:`.cases`), so that they hold on another machine, too.
 
     Args:
         study: one machine, by name or a mechanism of your own (whose masses and gravity are varied), engines (all
@@ -79,12 +78,12 @@ def _family(model: str | Mechanism, study: Study, count: int, case: Callable[[Me
     own = case(study.mechanisms[0])
     own.refuse_what_cannot_be_judged()
     if isinstance(model, str):
-        source = around.of_parameters(model, study.parameters)
-        varied = f"lengths up to {around.LENGTH:g} times, masses up to {around.MASS:g} times (or as many times less), "
-        varied += f"start angles within {around.ANGLE:g} rad"
+        source = of_parameters(model, study.parameters)
+        varied = f"lengths up to {LENGTH:g} times, masses up to {MASS:g} times (or as many times less), "
+        varied += f"start angles within {ANGLE:g} rad"
     else:
-        source = around.of_mechanism(model)
-        varied = f"masses up to {around.MASS:g} times, gravity up to {around.GRAVITY:g} times (or as many times less)"
+        source = of_mechanism(model)
+        varied = f"masses up to {MASS:g} times, gravity up to {GRAVITY:g} times (or as many times less)"
         varied += "; its geometry was not varied"
     cases, rows = [own], list[NeighbourMachine]()
     for launching, made_with in islice(_launching(islice(source, _DRAWS * count), case), count):
@@ -94,7 +93,7 @@ def _family(model: str | Mechanism, study: Study, count: int, case: Callable[[Me
 
 
 def _launching(
-    source: Iterator[around.Neighbour], case: Callable[[Mechanism], Case]
+    source: Iterator[Neighbour], case: Callable[[Mechanism], Case]
 ) -> Iterator[tuple[Case, dict[str, float]]]:
     for mechanism, made_with in source:
         try:

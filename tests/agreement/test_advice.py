@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.recommend import Advice, Asked, recommend
+from trebucheck.comparisons.recommend.cases import Case
 from trebucheck.comparisons.recommend.search import configured, option_sets
 from trebucheck.comparisons.recommend.study import snippets
-from trebucheck.comparisons.recommend.target import Case
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Trials
 from trebucheck.engines.exudyn.study import PYTHON as EXUDYN_PYTHON

@@ -18,11 +18,11 @@ import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
 from trebucheck.comparisons.recommend import Advice, Asked, obstacles, recommend
-from trebucheck.comparisons.recommend import neighbours as family
+from trebucheck.comparisons.recommend import cases as family
+from trebucheck.comparisons.recommend.cases import Case, read_torque
 from trebucheck.comparisons.recommend.results import Obstacle
 from trebucheck.comparisons.recommend.search import RUNGS, SCREENED_AT, Search, configured, ladder, option_sets
 from trebucheck.comparisons.recommend.study import PYTHON, snippets
-from trebucheck.comparisons.recommend.target import Case, read_torque
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Deviation, Trial, Trials
 from trebucheck.engines.mujoco.study import MJCF
