@@ -330,7 +330,7 @@ def _loop_forces(mechanism: Mechanism, multipliers: FloatArray) -> dict[str, Com
     columns = iter(multipliers.T)
     for joint in mechanism.loop_joints:
         if isinstance(joint, SlotJoint):
-            forces[joint.name] = next(columns) * 1j * complex(*joint.axis)
+            forces[joint.name] = next(columns) * (1j * complex(*joint.axis))
         else:
             forces[joint.name] = next(columns) + 1j * next(columns)
     return forces
