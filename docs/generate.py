@@ -19,6 +19,7 @@ from trebucheck.comparisons.explain.results import Explanation
 from trebucheck.comparisons.recommend import Advice
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.document import Document, table
+from trebucheck.comparisons.report.plots import LOGARITHMIC
 from trebucheck.comparisons.runs.results import Results
 from trebucheck.models.machines.registry import models
 from trebucheck.models.mechanism import mechanism_schema
@@ -51,7 +52,7 @@ def distance_picture(comparison: Comparison) -> go.Figure:
             if not run.label.startswith("reference"):
                 t, values = run.difference(figures.position("projectile"))
                 figure.add_scatter(x=t, y=values, row=1, col=column, showlegend=column == 1, **run.style)
-    figure.update_yaxes(type="log", exponentformat="power", range=[-12, 0])
+    figure.update_yaxes(range=[-12, 0], **LOGARITHMIC)
     figure.update_yaxes(title="distance from the reference [m]", col=1)
     figure.update_xaxes(title="t [s]")
     figure.update_layout(template="plotly_white", legend={"orientation": "h", "y": -0.2}, margin={"t": 40, "r": 20})

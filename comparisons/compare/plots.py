@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -16,14 +17,13 @@ from ...models.arrays import FloatArray
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 from ..report.document import Figure
-from ..report.plots import REFERENCE_LINE, finish, run_style, skeleton
+from ..report.plots import LOGARITHMIC, REFERENCE_LINE, finish, run_style, skeleton
 
 if TYPE_CHECKING:
     from ..runs.results import Machine
     from .study import Comparison
 
 _POINTS = 500  # drawn per line: enough for the eye, and the report stays a few megabytes
-_LOG: dict[str, Any] = {"type": "log", "exponentformat": "power"}
 
 Quantity = Callable[[Trajectory], FloatArray]
 """A quantity over time; ValueError where the engine cannot observe it."""
@@ -59,7 +59,7 @@ class Line:
         """Times [s] and absolute differences to the reference, distances for points; few enough of them to draw."""
         t = self.reference.t
         difference = quantity(self.trajectory)[: len(t)] - quantity(self.reference)
-        return thinned(t, np.abs(difference) if difference.ndim == 1 else np.linalg.norm(difference, axis=1))
+        return _thinned(t, np.abs(difference) if difference.ndim == 1 else np.linalg.norm(difference, axis=1))
 
 
 def lines(solution: Solution, trajectories: Mapping[str, Trajectory], end: float) -> list[Line]:
@@ -71,18 +71,13 @@ def lines(solution: Solution, trajectories: Mapping[str, Trajectory], end: float
     ]
 
 
-def thinned(t: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Few enough points to draw, keeping the largest of each bin, so that no peak is lost."""
-    if len(t) <= _POINTS:
-        return t, values
-    edges = np.linspace(0, len(t), _POINTS + 1).astype(int)
-    chosen = np.array([a + int(np.argmax(np.abs(values[a:b]))) for a, b in pairwise(edges)])
-    return t[chosen], values[chosen]
-
-
-def _positive(values: FloatArray) -> FloatArray:
-    """Zeros, which a logarithmic axis cannot show, as gaps."""
-    return np.where(values > 0, values, np.nan)
+def _thinned(t: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Few enough points to draw on a logarithmic axis, which cannot show zeros; the largest of each bin is kept."""
+    if len(t) > _POINTS:
+        edges = np.linspace(0, len(t), _POINTS + 1).astype(int)
+        chosen = np.array([a + int(np.argmax(np.abs(values[a:b]))) for a, b in pairwise(edges)])
+        t, values = t[chosen], values[chosen]
+    return t, np.where(values > 0, values, np.nan)
 
 
 def figures(comparison: Comparison, machine: Machine) -> Iterator[Figure]:
@@ -99,10 +94,11 @@ def figures(comparison: Comparison, machine: Machine) -> Iterator[Figure]:
     text = "The paths of projectile and counterweight, and the machine at the start and at the end."
     yield Figure(drawn(_paths, machine.compared_to), "Motion", text)
     text = "At each engine's own times; no sample is interpolated."
-    yield Figure(drawn(_distances), "Distance from the reference", text)
+    ends = {name: position(name) for name in ("projectile", "counterweight")}
+    yield Figure(drawn(_over_time, ends, "m"), "Distance from the reference", text)
     for title, text, unit, quantities in _quantities(machine):
         if quantities:
-            plot = drawn(_over_time, machine.compared_to, quantities, unit)
+            plot = drawn(_over_time, quantities, unit, machine.compared_to)
             yield Figure(plot, title, f"{text} Below, the differences to the reference.")
     text = "Of the total energy at the start. Nothing dissipates: any drift is numerical."
     yield Figure(drawn(_energy_drift), "Energy drift", text)
@@ -158,53 +154,33 @@ def _paths(solution: Solution, runs: Sequence[Line], end: float) -> go.Figure:
 
 
 def _over_time(
-    solution: Solution, runs: Sequence[Line], end: float, quantities: Mapping[str, Quantity], unit: str
+    solution: Solution, runs: Sequence[Line], quantities: Mapping[str, Quantity], unit: str, end: float | None = None
 ) -> go.Figure:
-    """Quantities over time above, their differences to the reference below (logarithmic)."""
+    """Quantities over time up to `end` [s], and below their differences to the reference; without it only these.
+
+    A run whose engine cannot observe a quantity has no line.
+    """
+    drawn = [Line.difference] if end is None else [Line.values, Line.difference]
     titles = list(quantities)
-    figure = make_subplots(2, len(titles), shared_xaxes=True, subplot_titles=titles, vertical_spacing=0.08)
-    reference = solution.trajectory(np.linspace(0.0, end, _POINTS))
-    for column, quantity in enumerate(quantities.values(), start=1):
-        first = {"showlegend": column == 1, "row": 1, "col": column}
-        figure.add_scatter(x=reference.t, y=quantity(reference), name="reference", line=REFERENCE_LINE, **first)
-        for run, (t, values) in _observed(runs, lambda run, of=quantity: run.values(of)):
-            figure.add_scatter(x=t, y=values, **run.style, **first)
-    _draw_differences(figure, runs, quantities, row=2, showlegend=False)
+    figure = make_subplots(len(drawn), len(titles), shared_xaxes=True, subplot_titles=titles, vertical_spacing=0.08)
+    reference = solution.trajectory(np.linspace(0.0, end or 0.0, _POINTS))
+    for row, values_of in enumerate(drawn, start=1):
+        for column, quantity in enumerate(quantities.values(), start=1):
+            first = {"showlegend": row == column == 1, "row": row, "col": column}
+            if values_of == Line.values:
+                figure.add_scatter(x=reference.t, y=quantity(reference), name="reference", line=REFERENCE_LINE, **first)
+            for run in runs:
+                with suppress(ValueError):
+                    t, values = values_of(run, quantity)
+                    figure.add_scatter(x=t, y=values, **run.style, **first)
+    figure.update_yaxes(row=len(drawn), **LOGARITHMIC)
+    figure.update_xaxes(title="t [s]", row=len(drawn))
+    if end is None:
+        figure.update_yaxes(title=f"distance [{unit}]")
+        return finish(figure, 460)
     figure.update_yaxes(title=f"[{unit}]", row=1, col=1)
     figure.update_yaxes(title=f"difference [{unit}]", row=2, col=1)
-    figure.update_xaxes(title="t [s]", row=2)
     return finish(figure, 620)
-
-
-def _distances(_: Solution, runs: Sequence[Line]) -> go.Figure:
-    """Distance of the projectile and of the counterweight from the reference, logarithmic."""
-    quantities = {name: position(name) for name in ("projectile", "counterweight")}
-    figure = make_subplots(1, 2, subplot_titles=list(quantities))
-    _draw_differences(figure, runs, quantities, row=1, showlegend=True)
-    figure.update_yaxes(title="distance [m]")
-    figure.update_xaxes(title="t [s]")
-    return finish(figure, 460)
-
-
-def _draw_differences(
-    figure: go.Figure, runs: Sequence[Line], quantities: Mapping[str, Quantity], *, row: int, showlegend: bool
-) -> None:
-    for column, quantity in enumerate(quantities.values(), start=1):
-        for run, (t, values) in _observed(runs, lambda run, of=quantity: run.difference(of)):
-            first = {"showlegend": showlegend and column == 1, "row": row, "col": column}
-            figure.add_scatter(x=t, y=_positive(values), **run.style, **first)
-    figure.update_yaxes(row=row, **_LOG)
-
-
-def _observed(
-    runs: Sequence[Line], take: Callable[[Line], tuple[FloatArray, FloatArray]]
-) -> Iterator[tuple[Line, tuple[FloatArray, FloatArray]]]:
-    """What is taken from each run, without the runs whose engine cannot observe it."""
-    for run in runs:
-        try:
-            yield run, take(run)
-        except ValueError:
-            continue
 
 
 def _energy_drift(solution: Solution, runs: Sequence[Line]) -> go.Figure:
@@ -213,8 +189,8 @@ def _energy_drift(solution: Solution, runs: Sequence[Line]) -> go.Figure:
     figure = go.Figure()
     for run in runs:
         t, energy = run.reference.t, run.trajectory.total_energy
-        t, values = thinned(t, np.abs(energy[: len(t)] - start) / (abs(start) or 1.0))
-        figure.add_scatter(x=t, y=_positive(values), **run.style)
-    figure.update_yaxes(title="|E - E(0)| / |E(0)|" if start else "|E - E(0)| [J]", **_LOG)
+        t, values = _thinned(t, np.abs(energy[: len(t)] - start) / (abs(start) or 1.0))
+        figure.add_scatter(x=t, y=values, **run.style)
+    figure.update_yaxes(title="|E - E(0)| / |E(0)|" if start else "|E - E(0)| [J]", **LOGARITHMIC)
     figure.update_xaxes(title="t [s]")
     return finish(figure, 420)

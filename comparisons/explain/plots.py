@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
@@ -21,12 +23,11 @@ def main_quantities(budget: Budget) -> list[Quantity]:
     ]
 
 
-def bars(budget: Budget) -> go.Figure:
+def bars(quantities: Sequence[Quantity]) -> go.Figure:
     """Signed share of each cause in the position's and the torques' errors, causes downwards, unexplained last.
 
     Shares add up to 100 %; whiskers are half the difference of a share's two measures.
     """
-    quantities = main_quantities(budget)
     titles = [f"{q.name}: rms {format_number(q.rms)} {q.unit}" for q in quantities]
     chart = make_subplots(rows=1, cols=len(quantities), subplot_titles=titles, shared_yaxes=True)
     for column, quantity in enumerate(quantities, start=1):

@@ -5,31 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 
-from ..report.document import (
-    Block,
-    Cell,
-    Column,
-    Document,
-    Figure,
-    Fold,
-    Heading,
-    Listing,
-    Medium,
-    Note,
-    Row,
-    Table,
-    Text,
-    columns,
-    page_only,
-    row,
-    table,
-    terminal_only,
-)  # fmt: skip
+from ..report import document as doc
+from ..report.document import Block, Cell, Column, Document, Heading, Medium, Note, Row, Table, Text, row, table
 from ..report.numbers import format_number, format_percent
 from ..report.sections import provenance
 from .plots import bars, main_quantities
-from .results import Budget, Change, Explanation, Figures, Machine, Measurement, Quantity, StockAgainstTuned
+from .results import Budget, Explanation, Figures, Machine, Measurement, Quantity, StockAgainstTuned
 
 _FEW = 1e-3  # shares below this are left out in the terminal; the page's tables have them all
 _FIELDS = ("position", "torque", "release", "wall_time")
@@ -63,14 +46,14 @@ def document(explanation: Explanation) -> Document:
     """All budgets; the terminal has them in short, what each option buys, what could not be measured, the verdict."""
     blocks: list[Block] = [
         Note(_INTRODUCTION),
-        page_only(Text(verdict(explanation), "strong")),
-        Fold("How to read it", (Note(_HOW_TO_READ),)),
+        Text(verdict(explanation), "strong", medium="page"),
+        doc.Fold("How to read it", (Note(_HOW_TO_READ),)),
     ]
     for machine in explanation.machines:
         blocks += _chapter(explanation, machine)
     runs = ((budget.model, budget.label, budget.engine_version, budget.settings) for budget in explanation.budgets)
     blocks += provenance(explanation, runs, [(machine.model, machine.mechanism) for machine in explanation.machines])
-    blocks.append(terminal_only(Text(verdict(explanation))))
+    blocks.append(Text(verdict(explanation), medium="terminal"))
     return Document("Where the errors come from", tuple(blocks), "trebucheck explain")
 
 
@@ -108,21 +91,15 @@ def _chapter(explanation: Explanation, machine: Machine) -> Iterator[Block]:
     yield Heading("Stock against tuned: what each option buys")
     yield Note(_CHANGES)
     yield from (_changes(each) for each in explanation.comparisons if each.model == machine.model)
-    yield terminal_only(Listing(tuple(_failures(machine, budgets))))
+    yield doc.Listing(tuple(_failures(machine, budgets)), medium="terminal")
 
 
 def _summary(machine: Machine, budgets: Iterable[Budget]) -> Table:
     """The budgets in short, for the terminal."""
     rows = [
-        (
-            budget.label if i == 0 else "",
-            quantity.name,
-            f"{format_number(quantity.rms)} {quantity.unit}",
-            _explained(quantity),
-            _leading_causes(quantity),
-        )
+        ("" if i else budget.label, q.name, f"{format_number(q.rms)} {q.unit}", _explained(q), _leading_causes(q))
         for budget in budgets
-        for i, quantity in enumerate(main_quantities(budget))
+        for i, q in enumerate(main_quantities(budget))
     ]
     caption = f"{machine.model}: where the errors come from"
     return table("engine | error of | rms | explained | causes", rows, caption, "terminal")
@@ -150,22 +127,22 @@ def _budget(budget: Budget) -> Iterator[Block]:
     quantities, step = main_quantities(budget), budget.settings.get("timestep")
     yield Heading(f"{budget.label}{_at(step if isinstance(step, int | float) else None)}")
     if budget.message:
-        yield page_only(Text(f"No budget: {budget.message}", "warning"))
+        yield Text(f"No budget: {budget.message}", "warning", medium="page")
         return
     sentences = (
         f"{q.name}: {_explained(q)} explained, largest error {format_number(q.largest)} {q.unit}" for q in quantities
     )
     yield Note(f"{'; '.join(sentences)}." if quantities else "No error to explain.")
     if quantities:
-        yield Figure(bars(budget))
+        yield doc.Figure(bars(quantities))
     for cause in budget.causes:
         if cause.message:
             text = f"{cause.name} could not be measured and counts as unexplained: {cause.message}"
-            yield page_only(Text(text, "warning"))
+            yield Text(text, "warning", medium="page")
     if quantities:
         others = [q for q in budget.quantities if q.rms > 0 and q not in quantities]
         tables = (_measurements(budget, quantities), *((_other_shares(others),) if others else ()))
-        yield Fold("What was done to measure each cause, and the results", tables)
+        yield doc.Fold("What was done to measure each cause, and the results", tables)
 
 
 def _at(step: float | None) -> str:
@@ -173,7 +150,7 @@ def _at(step: float | None) -> str:
 
 
 def _measurements(budget: Budget, quantities: Sequence[Quantity]) -> Table:
-    heads = [*columns("cause | what was done")]
+    heads = [*doc.columns("cause | what was done")]
     heads += [
         Column(title, group=f"{quantity.name} [{quantity.unit}]")
         for quantity in quantities
@@ -184,13 +161,13 @@ def _measurements(budget: Budget, quantities: Sequence[Quantity]) -> Table:
         for cause in budget.causes
         if cause.name != "roundoff" and not cause.message
     ]
-    rest = [("", "", format_percent(q.rest.fraction), format_number(q.rest_rms)) for q in quantities]
     text = "what is left of the error when all shares are taken off"
-    rows.append(row(Cell("unexplained", "strong"), text, *(value for values in rest for value in values)))
-    for cause in budget.causes:
-        if cause.name == "roundoff":
-            text = f"{cause.explanation}.\n{cause.done}; in the run, and in what is left"
-            rows.append(row(cause.name, text, *_roundoff(quantities)))
+    rest = (("", "", format_percent(q.rest.fraction), format_number(q.rest_rms)) for q in quantities)
+    rows.append(row(Cell("unexplained", "strong"), text, *chain.from_iterable(rest)))
+    for cause in (cause for cause in budget.causes if cause.name == "roundoff"):
+        text = f"{cause.explanation}.\n{cause.done}; in the run, and in what is left"
+        noise = (("", "", format_number(q.roundoff), format_number(q.roundoff_left)) for q in quantities)
+        rows.append(row(cause.name, text, *chain.from_iterable(noise)))
     return table(heads, rows, "Shares of the error, and how they were measured")
 
 
@@ -205,11 +182,6 @@ def _measured(cause: Measurement, quantities: Iterable[Quantity]) -> Iterator[st
         yield format_number(share.rms)
 
 
-def _roundoff(quantities: Iterable[Quantity]) -> Iterator[str]:
-    for quantity in quantities:
-        yield from ("", "", format_number(quantity.roundoff), format_number(quantity.roundoff_left))
-
-
 def _other_shares(quantities: Sequence[Quantity]) -> Table:
     """Quantities that are single values; all have the same causes."""
     heads = [f"{q.name}: {format_number(q.rms)} {q.unit}" for q in quantities]
@@ -222,7 +194,7 @@ def _other_shares(quantities: Sequence[Quantity]) -> Table:
 def _changes(comparison: StockAgainstTuned) -> Table:
     """The presets and each option's change; the page has values with their factors, the terminal one of the two."""
     force = "force [N]" if comparison.force_unit == "N" else f"torque [{comparison.force_unit}]"
-    heads = columns(f"setting | position [m] | {force} | release [s] | wall [s]")
+    heads = doc.columns(f"setting | position [m] | {force} | release [s] | wall [s]")
     media: tuple[Medium, ...] = ("page", "terminal")
     both = [replace(head, medium=medium, wrap=False) for head in heads for medium in media]
     caption = f"{comparison.model}, {comparison.engine}{_at(comparison.timestep)}: what each option buys"
@@ -233,11 +205,11 @@ def _change_rows(comparison: StockAgainstTuned) -> Iterator[Row]:
     stock, tuned = comparison.stock, comparison.tuned
     yield row(Cell("stock", "strong"), "stock", *_values(stock, stock, preset=True))
     for change in comparison.changes:
-        labels = f"stock, {_named(change)}", f"  {change.option} as tuned"
+        labels = f"stock, {change.option} = {_option_value(change.tuned)}", f"  {change.option} as tuned"
         yield row(*labels, *_values(change.alone, stock))
     yield row(Cell("tuned", "strong"), "tuned", *_values(tuned, stock, preset=True))
     for change in comparison.changes:
-        labels = f"tuned, {_named(change, back=True)}", f"  {change.option} as stock"
+        labels = f"tuned, {change.option} = {_option_value(change.stock)}", f"  {change.option} as stock"
         yield row(*labels, *_values(change.back, tuned))
 
 
@@ -263,11 +235,6 @@ def _factor(before: float | None, after: float | None) -> str:
 
 def _two_digits(value: float) -> str:
     return f"{value:.2g}" if value < 100 else (f"{value:.0f}" if value < 1e4 else format_number(value))
-
-
-def _named(change: Change, *, back: bool = False) -> str:
-    """An option with the value it is given."""
-    return f"{change.option} = {_option_value(change.stock if back else change.tuned)}"
 
 
 def _option_value(value: object) -> str:

@@ -20,6 +20,8 @@ def engine_colour(name: str) -> str:
     return engine_study(name).colour or _COLOURS[sum(map(ord, name)) % len(_COLOURS)]
 
 
+LOGARITHMIC: dict[str, Any] = {"type": "log", "exponentformat": "power"}
+"""An axis."""
 REFERENCE_LINE = {"color": engine_colour("reference"), "width": 4}
 """Below the lines of the engines, which hide it where they agree."""
 

@@ -4,25 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import chain
 
 from ...models.machines.trebuchet import FULCRUM
 from ...models.mechanism import Mechanism, PinJoint
 from ...reference.throw.members import MemberForce, SupportForce
 from ...reference.throw.throw import FlightFigures, LaunchFigures, Performance, Sensitivity, Throw, origin, spoken
 from ...version import __version__
-from ..report.document import (
-    Cell,
-    Document,
-    Figure,
-    Note,
-    Row,
-    Table,
-    Text,
-    page_only,
-    row,
-    table,
-    terminal_only,
-)  # fmt: skip
+from ..report.document import Cell, Column, Document, Figure, Note, Row, Text, row, table
 from ..report.numbers import sentence
 from ..report.sections import mechanism_as_data
 from . import plots
@@ -39,22 +28,21 @@ _FORCES = (
 def document(performance: Performance, throw: Throw) -> Document:
     """All values, warnings and pictures; `throw` is the performance's own, with sensitivities if wanted."""
     title = _title(throw)
-    values = table("|", _rows(throw), title)
     measured = (
         f"Computed by the Lagrangian reference. Positions are measured from where the {origin_name(throw.mechanism)} "
         "stands at the start; SI units."
     )
     blocks = (
         Note(measured),
-        *(page_only(Text(sentence(warning), "warning")) for warning in throw.warnings),
-        values,
+        *(Text(sentence(warning), "warning", medium="page") for warning in throw.warnings),
+        table("|", _rows(throw), title),
         Figure(plots.machine_figure(performance), "The machine", _MACHINE),
         Figure(plots.flight_figure(performance), "The flight"),
         Figure(plots.force_figure(performance), "Forces", _FORCES),
-        _sensitivities(throw.sensitivities),
+        table(_SENSITIVITIES, throw.sensitivities, _DERIVATIVES),
         Note(f"trebucheck {__version__}."),
         mechanism_as_data(throw.mechanism.name, throw.mechanism),
-        *(terminal_only(Text(f"{warning}.", "warning", lead="warning:")) for warning in throw.warnings),
+        *(Text(f"{warning}.", "warning", lead="warning:", medium="terminal") for warning in throw.warnings),
     )
     return Document(title[:1].upper() + title[1:], blocks, f"trebucheck throw: {throw.mechanism.name}")
 
@@ -82,7 +70,7 @@ def _rows(throw: Throw) -> Iterator[Row]:
         ("Stops", _stop_rows(throw)),
         (f"Flight ({drag})", _flight_rows(throw.flight, origin_name(throw.mechanism))),
         ("Longest range", _best_rows(throw)),
-        ("Forces up to the release", _force_rows(throw)),
+        ("Forces up to the release", chain(*map(_member_rows, throw.members), *map(_support_rows, throw.supports))),
     )
     for title, values in groups:
         rows = [row(f"  {name}", value) for name, value in values]
@@ -135,13 +123,6 @@ def _best_rows(throw: Throw) -> Iterator[_Row]:
     yield "gain over this release", f"{throw.gain:.4f} m"
 
 
-def _force_rows(throw: Throw) -> Iterator[_Row]:
-    for member in throw.members:
-        yield from _member_rows(member)
-    for support in throw.supports:
-        yield from _support_rows(support)
-
-
 def _member_rows(member: MemberForce) -> Iterator[_Row]:
     name = member.name if member.two_force else f"{member.name} (at {member.joint})"
     yield f"{name}, largest tension", _force_at(member.peak_tension, member.peak_tension_time)
@@ -165,27 +146,24 @@ def _force_at(force: float, time: float) -> str:
     return f"{force / 1e3 + 0.0:.3f} kN at {time:.4f} s"
 
 
-def _sensitivities(sensitivities: tuple[Sensitivity, ...]) -> Table:
-    heads = "by | value | speed [m/s per unit] | range [m per unit] | speed [m/s per %] | range [m per %]"
-    caption = "Sensitivities of the launch at 45 deg, flight without drag: exact derivatives, event times included"
-    return table(heads, map(_sensitivity_row, sensitivities), caption)
-
-
-def _sensitivity_row(each: Sensitivity) -> tuple[str, ...]:
-    """Name, value, then speed and range per unit and per percent; no percent of a value that is zero."""
-    percent = each.value / 100 or None
-    by_percent = (_signed(each.launch_speed, percent), _signed(each.range, percent))
-    return (
-        each.name,
-        f"{each.value:.6g} {each.unit}",
-        _signed(each.launch_speed, 1),
-        _signed(each.range, 1),
-        *by_percent,
-    )
-
-
-def _signed(derivative: float | None, by: float | None) -> str:
+def _signed(derivative: float | None, by: float | None = 1.0) -> str:
     if derivative is None or by is None:
         return "–"
     change = derivative * by
     return "0" if abs(change) < 1e-8 else f"{change:+.4g}"  # rounding of a derivative that is zero
+
+
+def _percent(each: Sensitivity) -> float | None:
+    """Of the value; none of a value that is zero."""
+    return each.value / 100 or None
+
+
+_DERIVATIVES = "Sensitivities of the launch at 45 deg, flight without drag: exact derivatives, event times included"
+_SENSITIVITIES = (
+    Column("by", of=lambda each: each.name),
+    Column("value", of=lambda each: f"{each.value:.6g} {each.unit}"),
+    Column("speed", "m/s per unit", of=lambda each: _signed(each.launch_speed)),
+    Column("range", "m per unit", of=lambda each: _signed(each.range)),
+    Column("speed", "m/s per %", of=lambda each: _signed(each.launch_speed, _percent(each))),
+    Column("range", "m per %", of=lambda each: _signed(each.range, _percent(each))),
+)
