@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from ..report.plots import finish, run_style
+from ..report.plots import LOGARITHMIC, finish, run_style
 from .results import PowerLaw, QuantityName, Study
 
 _QUANTITIES: tuple[QuantityName, ...] = ("position", "torque")
@@ -77,8 +77,8 @@ def _pair(studies: Sequence[Study]) -> go.Figure:
 
 
 def _finished(figure: go.Figure, height: int) -> go.Figure:
-    figure.update_xaxes(type="log", exponentformat="power")
-    figure.update_yaxes(type="log", exponentformat="power")
+    figure.update_xaxes(**LOGARITHMIC)
+    figure.update_yaxes(**LOGARITHMIC)
     figure.update_yaxes(title="largest error", col=1)
     return finish(figure, height, legend_at=-0.25)
 

@@ -2,30 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
 
-from ..report.document import (
-    Block,
-    Cell,
-    Column,
-    Document,
-    Figure,
-    Fold,
-    Heading,
-    Listing,
-    Medium,
-    Note,
-    Row,
-    Table,
-    Text,
-    columns,
-    row,
-    table,
-    terminal_only,
-)  # fmt: skip
+from ..report import document as doc
+from ..report.document import Block, Cell, Column, Document, Heading, Note, Row, Table, Text, row, table
 from ..report.numbers import format_number, format_settings
 from ..report.sections import provenance
 from . import plots
@@ -59,7 +42,9 @@ def document(studies: Studies) -> Document:
     failures = tuple(Text(sentence, "warning") for sentence in _failures(studies))
     blocks: list[Block] = [Note(_INTRODUCTION)]
     if failures:
-        blocks.append(Fold(f"What did not run ({len(failures)})", (Listing(failures),), opened=len(failures) <= 5))
+        blocks.append(
+            doc.Fold(f"What did not run ({len(failures)})", (doc.Listing(failures),), opened=len(failures) <= 5)
+        )
     for machine in studies.machines:
         blocks += _chapter(machine)
     runs = (
@@ -68,26 +53,21 @@ def document(studies: Studies) -> Document:
         for study in machine.studies
     )
     blocks += provenance(studies, runs, [(machine.model, machine.mechanism) for machine in studies.machines])
-    blocks.append(terminal_only(Listing(failures)))
+    blocks.append(doc.Listing(failures, medium="terminal"))
     return Document("How errors fall", tuple(blocks), "trebucheck converge")
 
 
-def _failures(studies: Studies) -> list[str]:
-    """One sentence a failed point, and one an engine that is not installed."""
-    failed = [
-        f"{machine.model}, {study.label}, {study.title} = {_value(study, point)}: {point.message}"
-        for machine in studies.machines
-        for study in machine.studies
-        for point in study.points
-        if point.message is not None
-    ]
-    absent = dict.fromkeys(name for machine in studies.machines for name in machine.absent)
-    return [*(f"{name} is not installed here." for name in absent), *failed]
-
-
-def _value(study: Study, point: Point) -> str:
-    """A setting with its unit."""
-    return f"{point.value:.3g}" if study.unit == "1" else f"{point.value:.3g} {study.unit}"
+def _failures(studies: Studies) -> Iterator[str]:
+    """One sentence an engine that is not installed, and one a failed point."""
+    for name in dict.fromkeys(name for machine in studies.machines for name in machine.absent):
+        yield f"{name} is not installed here."
+    for machine in studies.machines:
+        for study in machine.studies:
+            unit = "" if study.unit == "1" else f" {study.unit}"
+            for point in study.points:
+                if point.message is not None:
+                    setting = f"{study.title} = {point.value:.3g}{unit}"
+                    yield f"{machine.model}, {study.label}, {setting}: {point.message}"
 
 
 def _chapter(machine: MachineStudies) -> Iterator[Block]:
@@ -103,42 +83,38 @@ def _chapter(machine: MachineStudies) -> Iterator[Block]:
     if steps:
         yield Heading("Order in the time step")
         yield _orders(machine, steps)
-        yield Figure(partial(plots.convergence, steps))
-        yield Fold("How each floor's cause was found", (_floors(steps),))
+        yield doc.Figure(partial(plots.convergence, steps))
+        yield doc.Fold("How each floor's cause was found", (_floors(steps),))
     if machine.pairs:
         yield from _limits(machine)
     if steps:
         yield Heading("Work and precision")
-        yield Figure(partial(plots.work_precision, steps), caption=_WORK)
+        yield doc.Figure(partial(plots.work_precision, steps), caption=_WORK)
     if others:
         yield Heading("Other swept parameters")
         yield Note(_OTHERS)
         yield _laws(machine, others)
         for study in others:
-            yield Figure(partial(plots.swept_parameter, study), f"{study.label}: {study.title}", _about(study))
-    yield Fold("Every point", tuple(_points(study, machine.mechanism.force_unit) for study in machine.studies))
+            yield doc.Figure(partial(plots.swept_parameter, study), f"{study.label}: {study.title}", _about(study))
+    yield doc.Fold("Every point", tuple(_points(study, machine.mechanism.force_unit) for study in machine.studies))
 
 
 def _orders(machine: MachineStudies, studies: Sequence[Study]) -> Table:
     heads = "engine | (quantity) | (expected) | order | range [s] | floor | set by | limit to reference "
     heads += "| (its own error [m]) | (finest level [s])"
-    rows = [
-        row(_first(curve, study.label), curve.quantity, *law, *_limit(machine, study, curve), medium=_medium(curve))
+    rows = (
+        _curve_row(study, curve, [study.label], *_limit(machine, study, curve))
         for study in studies
         for curve in study.curves
-        for law in [_law(study, curve)]
-    ]
+    )
     return table(heads, rows, f"{machine.model}: order of the position's error in the time step, 95 % confidence")
 
 
-def _medium(curve: Curve) -> Medium:
-    """Terminals have the laws of the positions only."""
-    return "any" if curve.quantity == "position" else "page"
-
-
-def _first(curve: Curve, name: str) -> str:
-    """What names a study stands in its first row."""
-    return name if curve.quantity == "position" else ""
+def _curve_row(study: Study, curve: Curve, names: Iterable[str], *end: str) -> Row:
+    """What was found of a quantity; the names of its study stand in the position's row, the only one in a terminal."""
+    position = curve.quantity == "position"
+    first = (name if position else "" for name in names)
+    return row(*first, curve.quantity, *_law(study, curve), *end, medium="any" if position else "page")
 
 
 def _law(study: Study, curve: Curve) -> tuple[str | Cell, ...]:
@@ -155,13 +131,12 @@ def _law(study: Study, curve: Curve) -> tuple[str | Cell, ...]:
 def _limit(machine: MachineStudies, study: Study, curve: Curve) -> tuple[str, str, str]:
     """Distance of Richardson's limit from the reference, the limit's own error, and the finest of its steps."""
     limit = machine.limit(study.label)
-    error = None if limit is None else limit.torque if curve.quantity == "torque" else limit.position
-    if limit is None or error is None:
+    if limit is not None and curve.quantity == "position":
+        distance = f"{format_number(limit.position)} {curve.unit}"
+        return distance, format_number(limit.estimate), format_number(limit.levels[-1])
+    if limit is None or limit.torque is None:
         return "none", "", ""
-    distance = f"{format_number(error)} {curve.unit}"
-    if curve.quantity == "torque":
-        return distance, "", ""
-    return distance, format_number(limit.estimate), format_number(limit.levels[-1])
+    return f"{format_number(limit.torque)} {curve.unit}", "", ""
 
 
 def _floors(studies: Sequence[Study]) -> Table:
@@ -186,7 +161,7 @@ def _limits(machine: MachineStudies) -> Iterator[Block]:
     yield Note(_LIMITS)
     yield _pairs(tuned, f"{machine.model}: Richardson limits against each other", to_reference)
     if len(machine.pairs) > len(tuned):
-        yield Fold("All pairs, stock presets among them", (_pairs(machine.pairs, "All pairs"),))
+        yield doc.Fold("All pairs, stock presets among them", (_pairs(machine.pairs, "All pairs"),))
 
 
 def _pairs(pairs: Sequence[LimitPair], caption: str, before: Sequence[Row] = ()) -> Table:
@@ -196,18 +171,14 @@ def _pairs(pairs: Sequence[LimitPair], caption: str, before: Sequence[Row] = ())
 
 def _laws(machine: MachineStudies, studies: Sequence[Study]) -> Table:
     parameter = Column("parameter", medium="terminal", wrap=False)
-    laws = columns("(quantity) | expected | exponent | range | what is left | set by")
-    rows = [
-        row(*(_first(curve, name) for name in names), curve.quantity, *_law(study, curve), medium=_medium(curve))
+    laws = doc.columns("(quantity) | expected | exponent | range | what is left | set by")
+    rows = (
+        _curve_row(study, curve, [study.label, study.title, str(study.base.get("integrator", study.knob))])
         for study in studies
-        for names in [(study.label, study.title, str(study.base.get("integrator", study.knob)))]
         for curve in study.curves
-    ]
-    return table(
-        (*columns("engine | (swept parameter)"), parameter, *laws),
-        rows,
-        f"{machine.model}: other swept parameters, exponent of the position's error",
     )
+    caption = f"{machine.model}: other swept parameters, exponent of the position's error"
+    return table((*doc.columns("engine | (swept parameter)"), parameter, *laws), rows, caption)
 
 
 def _about(study: Study) -> str:
