@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import cycle
 from typing import Any
 
@@ -91,18 +92,16 @@ Quantity = Callable[[FloatArray], FloatArray]
 
 def force_figure(performance: Performance) -> go.Figure:
     """Axial forces, upward forces of the ground and torques (or forces) of the stops, up to the release."""
-    panels = [(title, unit, lines) for title, unit, lines in _panels(performance) if lines]
-    figure = make_subplots(
-        rows=len(panels), cols=1, shared_xaxes=True, vertical_spacing=0.07, subplot_titles=[p[0] for p in panels]
-    )
+    panels = [panel for panel in _panels(performance) if panel[-1]]
+    titles = [title for title, *_ in panels]
+    figure = make_subplots(rows=len(panels), shared_xaxes=True, vertical_spacing=0.07, subplot_titles=titles)
     times = _force_times(performance)
     colours, colours_of = cycle(_COLOURS), dict[str, str]()
     for row, (_, unit, lines) in enumerate(panels, start=1):
         for name, value in lines.items():
             colour = colours_of[name] = next(colours)
-            figure.add_scatter(
-                x=times, y=value(times) / 1e3, name=name, line={"color": colour, "width": 2}, row=row, col=1
-            )
+            line = {"color": colour, "width": 2}
+            figure.add_scatter(x=times, y=value(times) / 1e3, name=name, line=line, row=row, col=1)
         figure.update_yaxes(title=f"[{unit}]", zerolinecolor=_SOFT, row=row, col=1)
     _shade(figure, performance, colours_of)
     for time in performance.solution.release_times.values():
@@ -136,20 +135,13 @@ def _force_times(performance: Performance) -> FloatArray:
 def _panels(performance: Performance) -> Iterator[tuple[str, str, dict[str, Quantity]]]:
     solution = performance.solution
     mechanism = solution.problem.mechanism
-    yield "Axial forces: tension above zero, compression below (a rope would be slack)", "kN", {
-        member.body.name: (lambda t, member=member: axial_force(solution, member, t)) for member in members(mechanism)
-    }  # fmt: skip
-    yield "Upward force of the ground on the machine: below zero, it would lift off", "kN", {
-        joint.name: (lambda t, joint=joint: upward_force(solution, joint, t))
-        for joint in supports(mechanism)
-        if carries(joint)
-    }  # fmt: skip
+    forces = {member.body.name: partial(axial_force, solution, member) for member in members(mechanism)}
+    yield "Axial forces: tension above zero, compression below (a rope would be slack)", "kN", forces
+    upward = {joint.name: partial(upward_force, solution, joint) for joint in supports(mechanism) if carries(joint)}
+    yield "Upward force of the ground on the machine: below zero, it would lift off", "kN", upward
     for title, unit, stops in (
         ("Torques of the stops", "kN m", mechanism.angle_stops),
         ("Forces of the stops", "kN", mechanism.point_stops),
     ):
-        yield title, unit, {
-            stop.name: (lambda t, name=stop.name: solution.motion(t).stop_torques[name])
-            for stop in stops
-            if stop.closed
-        }  # fmt: skip
+        closed = [stop.name for stop in stops if stop.closed]
+        yield title, unit, {name: (lambda t, name=name: solution.motion(t).stop_torques[name]) for name in closed}

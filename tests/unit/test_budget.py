@@ -19,8 +19,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 from trebucheck.comparisons.explain import Cause, Intervention, causes_of
 from trebucheck.comparisons.explain.budget import budget, orders
-from trebucheck.comparisons.explain.plots import main_quantities
-from trebucheck.comparisons.explain.report import document
+from trebucheck.comparisons.explain.report import document, main_quantities
 from trebucheck.comparisons.explain.results import Budget, Explanation, Machine
 from trebucheck.comparisons.explain.study import explain, stock_against_tuned
 from trebucheck.comparisons.explain.variants import Reread, by_kinematics, with_filtered_torques
