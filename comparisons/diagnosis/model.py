@@ -102,18 +102,14 @@ def _walls(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> 
         shown = [replace(mine, stop_gaps=theirs) for mine, theirs in zip(found.dynamics, gaps, strict=True)]
         matched = match(deviation, _gaps(right, shown, found.dynamics))
         if matched.explained > _TELLING:
-            amount = suspect.amount(matched.factor)
-            yield Cause(name=suspect.name, kind=suspect.kind, amount=amount, explained=_READ_OFF * matched.explained)
+            yield suspect.cause(matched.factor, _READ_OFF * matched.explained)
 
 
 def _mistaken(mine: float, theirs: float) -> str:
     """The common mistake that turns one angle into another; '' if there is none."""
     size = max(1.0, abs(theirs))
-    readings = {
-        "sign": -theirs,
-        "degrees for radians": math.degrees(theirs),
-        "radians for degrees": math.radians(theirs),
-    }
+    degrees, radians = math.degrees(theirs), math.radians(theirs)
+    readings = {"sign": -theirs, "degrees for radians": degrees, "radians for degrees": radians}
     return next((what for what, value in readings.items() if abs(mine - value) <= _ALIKE * size), "")
 
 
@@ -131,8 +127,7 @@ def _fitted(mechanism: Mechanism, states: Sequence[State], found: Inspection) ->
             for signature in _signatures(mechanism, right, suspect.wrong, states, found)
         )
         if matched.explained > _TELLING:
-            amount = suspect.amount(matched.factor)
-            yield Cause(name=suspect.name, kind=suspect.kind, amount=amount, explained=matched.explained)
+            yield suspect.cause(matched.factor, matched.explained)
     nothing = np.zeros(len(start) + len(gaps))
     for name, unit, equations in _other_laws(mechanism):
         wrong = expected(mechanism, states, equations).as_dynamics(found.dynamics)

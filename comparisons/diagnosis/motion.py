@@ -143,12 +143,7 @@ def _machine_causes(case: _Case) -> Iterator[Cause]:
         refined = _refined(case, suspect, found.factor) if rank < _REFINED else None
         factor, explained = refined or (found.factor, found.explained)
         if max(explained, found.explained) > _TELLING:
-            yield Cause(
-                name=suspect.name,
-                kind=suspect.kind,
-                amount=suspect.amount(factor),
-                explained=max(explained, found.explained),
-            )
+            yield suspect.cause(factor, max(explained, found.explained))
 
 
 def _refined(case: _Case, suspect: Suspect, factor: float) -> tuple[float, float] | None:
@@ -221,9 +216,8 @@ def _reading_causes(case: _Case) -> Iterator[Cause]:
     for reading in readings(case.solution, case.reference, case.step):
         found = match(case.deviation, case.signature(reading.wrong))
         if found.explained > _TELLING:
-            yield Cause(
-                name=reading.name, kind="reading", amount=reading.amount(found.factor), explained=found.explained
-            )
+            amount = reading.amount(found.factor)
+            yield Cause(name=reading.name, kind="reading", amount=amount, explained=found.explained)
 
 
 def _settings_causes(case: _Case, engine: Engine, simulate: Simulate) -> Iterator[Cause]:

@@ -23,6 +23,7 @@ from ...models.machines.trebuchet import parameters_of
 from ...models.mechanism import AnyStop, Mechanism, PinJoint, PointStop, SlotJoint, Stop
 from ...models.spec import Vector
 from ...reference.equations import Equations, consistent_coordinates
+from ..runs.results import Cause
 
 Kind = Literal["machine", "start", "law", "reading", "settings"]
 _SMALL = 1e-6  # relative, or [rad] or [m]: well above rounding and linear
@@ -48,6 +49,10 @@ class Suspect:
             return ""
         size = factor * self.scale
         return f"{100 * size:+.3g} %" if not self.unit else f"{size:+.3g} {self.unit}"
+
+    def cause(self, factor: float, explained: float) -> Cause:
+        """As a cause of the share `explained` of a deviation, by `factor` times its amount."""
+        return Cause(name=self.name, kind=self.kind, amount=self.amount(factor), explained=explained)
 
 
 def machine_suspects(mechanism: Mechanism) -> tuple[Suspect, ...]:

@@ -43,12 +43,8 @@ def check_model(engine: Engine, mechanism: Mechanism) -> Equality:
         raise  # the run reports it
     except Exception as error:
         note = f"{engine.name} could not be looked into: {type(error).__name__}: {error}"
-        return Equality(exposed=True, note=note, checks=(_unreadable(),))
+        return Equality(exposed=True, note=note, checks=(_exactly("inspection", None, None),))
     return Equality(exposed=True, states=len(states), checks=tuple(_checks(mechanism, states, inspection)))
-
-
-def _unreadable() -> Check:
-    return Check(name="inspection", value=None, unit="1", tolerance=EXACT, reason=_EXACT_REASON)
 
 
 @dataclass(frozen=True)
@@ -145,14 +141,7 @@ def _checks(mechanism: Mechanism, states: Sequence[State], found: Inspection) ->
     errors = gap_errors(want, found.dynamics)
     if errors:
         worst = max(errors, key=lambda name: abs(errors[name]))
-        yield Check(
-            name="stop position",
-            subject=worst,
-            value=abs(errors[worst]),
-            unit=mechanism.stop(worst).gap_unit,
-            tolerance=EXACT,
-            reason=_EXACT_REASON,
-        )
+        yield _exactly("stop position", worst, abs(errors[worst]), mechanism.stop(worst).gap_unit)
 
 
 def gap_errors(want: Expected, dynamics: Sequence[Dynamics]) -> dict[str, float]:
@@ -202,38 +191,19 @@ def _torques(want: Expected, dynamics: Sequence[Dynamics]) -> Iterator[Check]:
         size = max(abs(theirs) for _, theirs in pairs)
         missing = any(mine is None for mine, _ in pairs)
         worst = max((abs(mine - theirs) for mine, theirs in pairs if mine is not None), default=0.0) / size
-        yield Check(
-            name="stop torque",
-            subject=name,
-            value=None if missing else worst,
-            unit="1",
-            tolerance=EXACT,
-            reason=_EXACT_REASON,
-        )
+        yield _exactly("stop torque", name, None if missing else worst)
 
 
-def _exactly(name: str, subject: str | None, value: float) -> Check:
-    return Check(name=name, subject=subject, value=value, unit="1", tolerance=EXACT, reason=_EXACT_REASON)
+def _exactly(name: str, subject: str | None, value: float | None, unit: str = "1") -> Check:
+    return Check(name=name, subject=subject, value=value, unit=unit, tolerance=EXACT, reason=_EXACT_REASON)
 
 
-def _by_name(
-    name: str,
-    subjects: Sequence[str],
-    difference: FloatArray,
-    scale: FloatArray,
-) -> Check:
+def _by_name(name: str, subjects: Sequence[str], difference: FloatArray, scale: FloatArray) -> Check:
     """The worst of all states and subjects; `difference` has shape (n_states, n_subjects), `scale` (n_subjects,)."""
     relative = difference.max(axis=0) / np.where(scale > 0, scale, 1.0)
     worst = int(np.argmax(np.nan_to_num(relative, nan=np.inf)))
     value = float(relative[worst])
-    return Check(
-        name=name,
-        subject=subjects[worst],
-        value=value if np.isfinite(value) else None,
-        unit="1",
-        tolerance=EXACT,
-        reason=_EXACT_REASON,
-    )
+    return _exactly(name, subjects[worst], value if np.isfinite(value) else None)
 
 
 _SPREAD = 0.5  # [rad or m] of the coordinates about the start
