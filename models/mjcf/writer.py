@@ -18,6 +18,7 @@ from pathlib import Path
 
 from ..errors import InputError, UnsupportedProblemError
 from ..files import write_text
+from ..kinematics import initial_state
 from ..mechanism import GROUND, Body, Mechanism, PinJoint, PointStop, SlotJoint, Stop
 from ..spec import Vector
 from .appearance import MODEL_FILE, add_shapes, add_stand, reach_of, scene
@@ -107,10 +108,9 @@ class _Writer:
     def __init__(self, mechanism: Mechanism, timestep: float) -> None:
         self.mechanism = mechanism
         self.timestep = timestep
-        speeds = mechanism.start_speeds or (0.0,) * len(mechanism.start)
-        self.angle = _by_name(mechanism, mechanism.start)
-        self.speed = _by_name(mechanism, speeds)
-        self.slide = dict(zip(mechanism.coordinates, mechanism.start, strict=True))
+        start, speeds = (values.tolist() for values in initial_state(mechanism))
+        self.angle, self.speed = _by_name(mechanism, start), _by_name(mechanism, speeds)
+        self.slide = dict(zip(mechanism.coordinates, start, strict=True))
         self.slide_speed = dict(zip(mechanism.coordinates, speeds, strict=True))
         self.ranges: dict[str, list[float]] = {}
         self.points = Points(mechanism)

@@ -159,13 +159,11 @@ def _rightmost(motion: Motion, wanted: Plan) -> _Found:
     if launch is None or COUNTERWEIGHT not in {marker.name for marker in wanted.mechanism.markers}:
         return
     yield Key("position_x", COUNTERWEIGHT, "start", "m"), motion.marker(COUNTERWEIGHT, 0.0)[0][0]
-    time = _maximum(
-        lambda t: float(motion.marker(COUNTERWEIGHT, t)[0][0]),
-        lambda t: float(motion.marker(COUNTERWEIGHT, t)[1][0]),
-        0.0,
-        launch.time,
-        0.01,
-    )
+
+    def x(t: float, derivative: int = 0) -> float:
+        return float(motion.marker(COUNTERWEIGHT, t)[derivative][0])
+
+    time = _maximum(x, lambda t: x(t, 1), 0.0, launch.time, 0.01)
     if time is not None:
         yield Key("position_x_max", COUNTERWEIGHT, "before launch", "m"), motion.marker(COUNTERWEIGHT, time)[0][0]
 

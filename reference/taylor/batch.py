@@ -112,14 +112,10 @@ class _Machines:
         self.states = np.ascontiguousarray(np.array(starts).T)
         self.released_at_start = np.zeros((len(problems), len(self.stops)), dtype=bool)
         self._begin()
-        self.projectiles = [
-            kinematics.point(marker.body, marker.point)
-            for kinematics, problem in zip(self.kinematics, problems, strict=True)
-            for marker in problem.mechanism.markers
-            if marker.name == PROJECTILE
-        ]
-        body = next(marker.body for marker in first.mechanism.markers if marker.name == PROJECTILE)
-        self.rests = np.array([first.mechanism.stop(name).body == body for name in self.stops], dtype=bool)
+        thrown = [next(m for m in problem.mechanism.markers if m.name == PROJECTILE) for problem in problems]
+        self.projectiles = [k.point(m.body, m.point) for k, m in zip(self.kinematics, thrown, strict=True)]
+        rests = [first.mechanism.stop(name).body == thrown[0].body for name in self.stops]
+        self.rests = np.array(rests, dtype=bool)
 
     def _begin(self) -> None:
         """All touching stops active; machines where some would have to pull, or with start speeds, one by one."""
