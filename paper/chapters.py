@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from pydantic import JsonValue
 
-from ..comparisons.report.document import Block, Figure, Heading, Text, page_only, table
+from ..comparisons.report.document import Block, Figure, Heading, Text, table
 from ..comparisons.report.numbers import sentence
 from .design.efficiency import MachineEfficiency, Machines, SlingThrow, WidestThrow
 from .design.first_forward_swing import CoincidingDesign, Design, Throwing
@@ -17,7 +17,7 @@ from .drag.study import DragStudy
 from .evidence.claims import EngineValue
 from .identification.quantities import Identification
 from .plots import best_angles, efficiencies
-from .sweep.study import Artefact, Position, Sweep
+from .sweep.study import Artefact, Sweep
 
 
 def chapters(sections: Mapping[str, JsonValue]) -> Iterator[Block]:
@@ -42,15 +42,20 @@ def _as_data(data: JsonValue) -> Iterator[Block]:
     yield Text("Its values are in paper.json.", medium="page")
 
 
+Values = dict[str, Callable[[Any], object]]
+"""Columns of a table: heading, and value of the object of a row."""
+
+
 def _section(
-    title: str, headings: Sequence[str], rows: Sequence[Sequence[object]], texts: Sequence[str] = ()
+    title: str, columns: Values | Sequence[str], rows: Iterable[object], texts: Sequence[str] = ()
 ) -> Iterator[Block]:
-    """A table under its title, and what is to be said of it."""
-    if title:
-        yield Heading(title)
+    """A table under its title, and what is to be said of it; rows are values where the columns are mere headings."""
+    yield Heading(title)
     for text in texts:
         yield Text(text, medium="page")
-    yield page_only(table(headings, rows))
+    if isinstance(columns, dict):
+        rows = [tuple(value(each) for value in columns.values()) for each in rows]
+    yield table(list(columns), rows, medium="page")
 
 
 def _findings(texts: Sequence[str]) -> Iterator[Block]:
@@ -69,6 +74,11 @@ def _engine_value(values: Sequence[EngineValue], engine: str, form: str = ".6g",
         return "–" if found is None else found.note or "–"
     beside = "" if not tolerance or found.tolerance is None else f" (± {found.tolerance:{tolerance}})"
     return f"{found.value:{form}}{beside}"
+
+
+def _by_engine(names: Sequence[str]) -> Values:
+    """A column for each engine's value of what has one."""
+    return {name: lambda each, name=name: _engine_value(each.engines, name) for name in names}
 
 
 def _degrees(*angles: float) -> str:
@@ -92,36 +102,31 @@ def _identification(data: JsonValue) -> Iterator[Block]:
         yield from _section("Search for other starts", headings, rows, [text])
 
 
+_FITS: Values = {
+    "fit": lambda fit: fit.name,
+    "θ, φ, α at the start [deg]": lambda fit: _degrees(*fit.angles),
+    "free": lambda fit: ", ".join(fit.free),
+    "standard errors [deg]": lambda fit: _degrees(*fit.standard_errors),
+    "χ²": lambda fit: fit.chi_square,
+    "degrees": lambda fit: fit.degrees_of_freedom,
+    "p": lambda fit: fit.p_value,
+    "all digits met": lambda fit: fit.compatible,
+}
+
+
 def _fits(found: Identification) -> Iterator[Block]:
-    rows = [
-        (
-            fit.name,
-            _degrees(*fit.angles),
-            ", ".join(fit.free),
-            _degrees(*fit.standard_errors),
-            fit.chi_square,
-            fit.degrees_of_freedom,
-            fit.p_value,
-            fit.compatible,
-        )
-        for fit in (found.fit, *found.nested)
-    ]
-    start, errors = "θ, φ, α at the start [deg]", "standard errors [deg]"
-    yield from _section("Fits", ("fit", start, "free", errors, "χ²", "degrees", "p", "all digits met"), rows)
+    yield from _section("Fits", _FITS, (found.fit, *found.nested))
     at = {each.name: (each.computed, each.miss) for each in found.fit.figures}
-    numbers = [
-        (
-            each.name,
-            each.where,
-            f"{each.printed} {each.unit}".strip(),
-            *at.get(each.name, (None, None)),
-            "fitted" if each.fitted else "bound",
-            each.because,
-        )
-        for each in found.printed
-    ]
-    headings = ("number", "where", "printed", "at the fit", "off by [half widths]", "used as", "half width")
-    yield from _section("Printed numbers", headings, numbers)
+    numbers: Values = {
+        "number": lambda each: each.name,
+        "where": lambda each: each.where,
+        "printed": lambda each: f"{each.printed} {each.unit}".strip(),
+        "at the fit": lambda each: at[each.name][0],
+        "off by [half widths]": lambda each: at[each.name][1],
+        "used as": lambda each: "fitted" if each.fitted else "bound",
+        "half width": lambda each: each.because,
+    }
+    yield from _section("Printed numbers", numbers, found.printed)
 
 
 def _sensitivities(found: Identification) -> Iterator[Block]:
@@ -151,39 +156,42 @@ def _area(interval: DragInterval | None) -> str:
     return f"{interval.low:.4g} on" if interval.high is None else f"{interval.low:.4g} to {interval.high:.4g}"
 
 
+_READING: Values = {
+    "angle printed is": lambda r: r.angle.value,
+    "g changed": lambda r: r.gravity.value,
+    "best common C_d A [m²]": lambda r: r.common_drag_area,
+    "misses by (rms) [deg]": lambda r: math.degrees(r.root_mean_square),
+    "C_d A giving all [m²]": lambda r: _area(r.shared),
+    "worlds met": lambda r: sum(fit.agrees for fit in r.worlds),
+    "worlds met on a grid": lambda r: max((len(grid.agreeing) for grid in r.grids), default=0),
+}
+
+
 def _readings(study: DragStudy) -> Iterator[Block]:
-    rows = [
-        (
-            r.angle.value,
-            r.gravity.value,
-            r.common_drag_area,
-            math.degrees(r.root_mean_square),
-            _area(r.shared),
-            sum(fit.agrees for fit in r.worlds),
-            max((len(grid.agreeing) for grid in r.grids), default=0),
-        )
-        for r in study.readings
-    ]
-    reading = ("angle printed is", "g changed")
-    common = ("best common C_d A [m²]", "misses by (rms) [deg]", "C_d A giving all [m²]")
-    yield from _section("Readings of Table II", (*reading, *common, "worlds met", "worlds met on a grid"), rows)
+    yield from _section("Readings of Table II", _READING, study.readings)
     printed = {each.world: f"{each.printed}°" for each in study.printed}
-    worlds = [
-        (
-            fit.world,
-            printed[fit.world],
-            r.angle.value,
-            r.gravity.value,
-            math.degrees(fit.vacuum_angle),
-            _area(fit.drag_areas),
-            math.degrees(fit.common_angle),
-            fit.agrees,
-        )
-        for r in study.readings
-        for fit in r.worlds
-    ]
-    values = ("in vacuum [deg]", "C_d A that gives it [m²]", "with the common one [deg]", "agrees")
-    yield from _section("World by world", ("world", "printed", *reading, *values), worlds)
+    fits: Values = {
+        "world": lambda pair: pair[1].world,
+        "printed": lambda pair: printed[pair[1].world],
+        "angle printed is": lambda pair: pair[0].angle.value,
+        "g changed": lambda pair: pair[0].gravity.value,
+        "in vacuum [deg]": lambda pair: math.degrees(pair[1].vacuum_angle),
+        "C_d A that gives it [m²]": lambda pair: _area(pair[1].drag_areas),
+        "with the common one [deg]": lambda pair: math.degrees(pair[1].common_angle),
+        "agrees": lambda pair: pair[1].agrees,
+    }
+    yield from _section("World by world", fits, [(r, fit) for r in study.readings for fit in r.worlds])
+
+
+_PLACE: Values = {
+    "l1 [m]": lambda place: f"{place.l1:.7g}",
+    "l1 : l2": lambda place: f"{place.lever_ratio:.4g}",
+    "torque on the arm [N m]": lambda place: place.arm_torque,
+    "hanger's rest [N m]": lambda place: place.rest_torques.get("hanger rest"),
+    "furthest back [rad]": lambda place: place.furthest_back,
+    "speed [m/s]": lambda place: place.speed and place.speed.value,
+    "rests that may pull [m/s]": lambda place: place.bilateral_speed,
+}
 
 
 def _sweep(data: JsonValue) -> Iterator[Block]:
@@ -193,18 +201,8 @@ def _sweep(data: JsonValue) -> Iterator[Block]:
     yield from _section("What the curve shows", ("", ""), [*_curve_facts(found), *_regime_facts(found)], [text])
     places = [*found.positions, *(place for place in (found.regime.below, found.regime.above) if place is not None)]
     names = _engines([each for place in found.positions for each in place.engines])
-    headings = (
-        "l1 [m]",
-        "l1 : l2",
-        "torque on the arm [N m]",
-        "hanger's rest [N m]",
-        "furthest back [rad]",
-        "speed [m/s]",
-        "rests that may pull [m/s]",
-        *names,
-    )
-    rows = [_position(place, names) for place in sorted(places, key=lambda place: place.l1)]
-    yield from _section("Place by place", headings, rows)
+    ordered = sorted(places, key=lambda place: place.l1)
+    yield from _section("Place by place", _PLACE | _by_engine(names), ordered)
     yield from _root_searches(found.artefact)
 
 
@@ -232,38 +230,21 @@ def _regime_facts(s: Sweep) -> Iterator[tuple[str, str]]:
         yield "just above, both held: torque's zeros in a period", zeros
 
 
-def _position(place: Position, names: Sequence[str]) -> tuple[object, ...]:
-    return (
-        f"{place.l1:.7g}",
-        f"{place.lever_ratio:.4g}",
-        place.arm_torque,
-        place.rest_torques.get("hanger rest"),
-        place.furthest_back,
-        None if place.speed is None else place.speed.value,
-        place.bilateral_speed,
-        *(_engine_value(place.engines, name) for name in names),
-    )
+_SEARCH: Values = {
+    "guess [s]": lambda search: search.guess,
+    "first zero found from l1 = [m]": lambda search: search.lowest,
+    "later zero at (places)": lambda search: search.later_zero,
+    "none at (places)": lambda search: search.no_zero,
+    "misses at l1 = [m]": lambda search: ", ".join(f"{l1:g}" for l1 in search.fails_at) or "none",
+}
 
 
 def _root_searches(artefact: Artefact) -> Iterator[Block]:
-    rows = [
-        (
-            search.guess,
-            search.lowest,
-            search.later_zero,
-            search.no_zero,
-            ", ".join(f"{l1:g}" for l1 in search.fails_at) or "none",
-        )
-        for search in artefact.searches
-    ]
-    found, later = "first zero found from l1 = [m]", "later zero at (places)"
     guess = artefact.matching_guess
-    texts = [] if guess is None else [
-        f"A guess of {guess:.4g} s would begin to fail just at l1 = {artefact.threshold:g} m."
-    ]  # fmt: skip
-    texts.append("Nothing of the paper's program is published: this can only be compatible with it.")
-    headings = ("guess [s]", found, later, "none at (places)", "misses at l1 = [m]")
-    yield from _section("Could a root search make the paper's threshold?", headings, rows, texts)
+    texts = ["Nothing of the paper's program is published: this can only be compatible with it."]
+    if guess is not None:
+        texts.insert(0, f"A guess of {guess:.4g} s would begin to fail just at l1 = {artefact.threshold:g} m.")
+    yield from _section("Could a root search make the paper's threshold?", _SEARCH, artefact.searches, texts)
 
 
 def _design(data: JsonValue) -> Iterator[Block]:
@@ -279,6 +260,21 @@ def _design(data: JsonValue) -> Iterator[Block]:
         yield from _findings(notes)
 
 
+_DESIGN: Values = {
+    "machine": lambda named: named[0],
+    "r, h, l1 [m]": lambda named: "{0.r:.5g}, {0.h:.5g}, {0.l1:.5g}".format(named[1].parameters),
+    "l1 : l2": lambda named: f"{named[1].lever_ratio:.4g}",
+    "best release [s]": lambda named: named[1].best_time,
+    "fastest later by [s]": lambda named: f"{named[1].gap:.3g}",
+    "angle [deg]": lambda named: math.degrees(named[1].angle),
+    "speed [m/s]": lambda named: named[1].speed,
+    "range [m]": lambda named: named[1].range,
+    "R": lambda named: named[1].ratio,
+    "efficiency": lambda named: named[1].efficiency,
+}
+"""Of a throw with the name of its machine."""
+
+
 def _designs(found: Design) -> Iterator[Block]:
     named: list[tuple[str, Throwing | None]] = [
         ("the paper's, fixed", found.paper_fixed),
@@ -286,9 +282,6 @@ def _designs(found: Design) -> Iterator[Block]:
         *((f"{each.name} ({each.reading.value})", each.throwing) for each in found.designs),
         ("largest range of all", found.unconstrained),
     ]
-    rows = [_throwing(name, each) for name, each in named if each is not None]
-    times = ("best release [s]", "fastest later by [s]")
-    values = ("angle [deg]", "speed [m/s]", "range [m]", "R", "efficiency")
     r, h, l1 = (f"{low:g} to {high:g}" for low, high in (found.bounds.r, found.bounds.h, found.bounds.l1))
     text = (
         f"Chosen within r {r}, h {h}, l1 {l1} m, masses and l1 + l2 kept. "
@@ -296,23 +289,7 @@ def _designs(found: Design) -> Iterator[Block]:
     )
     active = "; ".join(f"{d.name} stands on {', '.join(d.optimality.active) or 'no bound'}" for d in found.designs)
     texts = [text, f"{active}."] if active else [text]
-    yield from _section("Designs", ("machine", "r, h, l1 [m]", "l1 : l2", *times, *values), rows, texts)
-
-
-def _throwing(name: str, t: Throwing) -> tuple[object, ...]:
-    p = t.parameters
-    return (
-        name,
-        f"{p.r:.5g}, {p.h:.5g}, {p.l1:.5g}",
-        f"{t.lever_ratio:.4g}",
-        t.best_time,
-        f"{t.gap:.3g}",
-        math.degrees(t.angle),
-        t.speed,
-        t.range,
-        t.ratio,
-        t.efficiency,
-    )
+    yield from _section("Designs", _DESIGN, [(name, each) for name, each in named if each is not None], texts)
 
 
 def _confirmed(each: CoincidingDesign) -> Iterator[Block]:

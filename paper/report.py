@@ -6,28 +6,9 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
+from ..comparisons.report import document as doc
 from ..comparisons.report import markdown
-from ..comparisons.report.document import (
-    Block,
-    Cell,
-    Column,
-    Document,
-    Figure,
-    Fold,
-    Heading,
-    Listing,
-    Mark,
-    Note,
-    Row,
-    Text,
-    Tile,
-    Tiles,
-    page_only,
-    row,
-    table,
-    terminal_only,
-    words,
-)  # fmt: skip
+from ..comparisons.report.document import Block, Cell, Column, Document, Figure, Heading, Mark, Note, Text, table, words
 from ..comparisons.report.numbers import format_number, sentence
 from ..comparisons.report.sections import mechanism_as_data
 from ..models.machines.parameters import TrebuchetParameters
@@ -52,15 +33,15 @@ def document(study: Study) -> Document:
         "“Computational Modeling of a Trebuchet”: its numbers, orders and statements against a certified Lagrangian "
         f"reference and {', '.join(names) or 'no engine'}. Every verdict follows from a stated rule."
     )
-    tiles = tuple(Tile(str(number), verdict.value, _MARKS[verdict]) for verdict, number in counts(study).items())
+    tiles = tuple(doc.Tile(str(number), verdict.value, _MARKS[verdict]) for verdict, number in counts(study).items())
     total, agreeing = Text(headline(study), "strong", medium="terminal"), Text(agreement(study), medium="terminal")
-    found = Listing(tuple(Text(each) for each in findings(study)), ordered=True)
+    found = doc.Listing(tuple(Text(each) for each in findings(study)), ordered=True)
     blocks = (
         Note(intro),
-        Tiles(tiles),
+        doc.Tiles(tiles),
         Text(f"{headline(study)} {agreement(study)}", medium="page"),
         Heading("What matters most"),
-        page_only(found),
+        doc.page_only(found),
         *_claims(study, names),
         *_figures(study),
         *_tables(study),
@@ -68,7 +49,7 @@ def document(study: Study) -> Document:
         *_provenance(study),
         total,
         agreeing,
-        terminal_only(found),
+        doc.terminal_only(found),
     )
     return Document("The paper, claim by claim", blocks, "trebucheck paper")
 
@@ -195,17 +176,17 @@ def _claims(study: Study, names: Sequence[str]) -> Iterator[Block]:
     for claim, each in disagreeing(study):
         yield Text(f"({claim.name}): {each.value} is outside its tolerance.", "bad", each.engine, medium="terminal")
     rules = [(claim.name, claim.rule, claim.verdict.value) for claim in study.claims]
-    yield Fold("The rules behind the verdicts", (table((words("claim"), words("rule"), words("verdict")), rules),))
+    yield doc.Fold("The rules behind the verdicts", (table((words("claim"), words("rule"), words("verdict")), rules),))
     if study.unreached:
         unreached = [(each.where, each.printed, sentence(each.why)) for each in study.unreached]
         columns = (words("where"), words("printed"), words("why it has no row"))
-        yield Fold("Numbers of the paper that no solver can reach, and why", (table(columns, unreached),))
+        yield doc.Fold("Numbers of the paper that no solver can reach, and why", (table(columns, unreached),))
 
 
-def _claim(claim: Claim, names: Sequence[str], anchor: str) -> Iterator[Row]:
+def _claim(claim: Claim, names: Sequence[str], anchor: str) -> Iterator[doc.Row]:
     uncertainty = None if claim.ours is None else claim.ours.uncertainty
     verdict = _verdict(claim)
-    yield row(
+    yield doc.row(
         claim.where,
         Cell(claim.name, detail=claim.quantity),
         claim.where,
@@ -220,7 +201,7 @@ def _claim(claim: Claim, names: Sequence[str], anchor: str) -> Iterator[Row]:
         anchor=anchor,
     )
     if claim.why:
-        yield row(Cell(""), Cell(sentence(claim.why), "muted"), medium="page")
+        yield doc.row(Cell(""), Cell(sentence(claim.why), "muted"), medium="page")
 
 
 def _verdict(claim: Claim) -> Cell:
@@ -239,11 +220,9 @@ def _engine_value(claim: Claim, engine: str) -> Cell:
         return Cell("")
     if found.value is None:
         return Cell("–", hint=found.note or "")
-    agrees = found.agrees(claim.ours)
-    mark: Mark = "plain" if agrees is None else "good" if agrees else "bad"
     tolerance = found.tolerance
     hint = "it has no tolerance" if tolerance is None else f"allowed: {format_number(tolerance)} from ours"
-    return Cell(f"{found.value:.9g}", mark, hint=hint)
+    return Cell(f"{found.value:.9g}", doc.mark_of(found.agrees(claim.ours)), hint=hint)
 
 
 def _figures(study: Study) -> Iterator[Block]:
@@ -262,7 +241,7 @@ def _tables(study: Study) -> Iterator[Block]:
         constants = [(name, f"{value:.9g}", fields[name].description or "") for name, value in found]
         yield Heading("Table I")
         yield Note("With the start angles, which the paper does not print.")
-        yield page_only(table(("constant", "value", words("what")), constants))
+        yield table(("constant", "value", words("what")), constants, medium="page")
     rows = [
         (claim.name, claim.printed, _value(claim.ours), claim.quantity, _verdict(claim))
         for claim in study.claims
@@ -271,7 +250,7 @@ def _tables(study: Study) -> Iterator[Block]:
     if rows:
         yield Heading("Table II")
         columns = (words("row"), words("printed"), "ours", words("quantity"), words("verdict", wrap=False))
-        yield page_only(table(columns, rows))
+        yield table(columns, rows, medium="page")
 
 
 def _provenance(study: Study) -> Iterator[Block]:
