@@ -20,25 +20,20 @@ def convergence(studies: Sequence[Study]) -> go.Figure:
     """Error against the time step, position and torque, with the fitted lines and their slopes."""
     figure = _pair(studies)
     for k, study in enumerate(studies, start=1):
-        for column, quantity in enumerate(_QUANTITIES, start=1):
-            _points(figure, study, quantity, column, name=study.label)
-            # Lines may all but cover each other; their slopes, each at another place, do not.
-            _line(figure, study, quantity, column, at=k / (len(studies) + 1))
-    figure.update_xaxes(title="time step [s]")
-    return _finished(figure, 520)
+        _points(figure, study, study.label)
+        # Lines may all but cover each other; their slopes, each at another place, do not.
+        _lines(figure, study, at=k / (len(studies) + 1))
+    return _finished(figure, "time step [s]", 520)
 
 
 def swept_parameter(study: Study) -> go.Figure:
     """Error against one parameter, and where it can be isolated, the part of it that the parameter makes."""
     figure = _pair([study])
-    for column, quantity in enumerate(_QUANTITIES, start=1):
-        if study.own:
-            _points(figure, study, quantity, column, name="whole error", whole=True)
-        name = "part of the parameter" if study.own else "error"
-        _points(figure, study, quantity, column, name=name)
-        _line(figure, study, quantity, column)
-    figure.update_xaxes(title=f"{study.title} [{study.unit}]")
-    return _finished(figure, 360)
+    if study.own:
+        _points(figure, study, "whole error", whole=True)
+    _points(figure, study, "part of the parameter" if study.own else "error")
+    _lines(figure, study)
+    return _finished(figure, f"{study.title} [{study.unit}]", 360)
 
 
 def work_precision(studies: Sequence[Study]) -> go.Figure:
@@ -61,8 +56,7 @@ def work_precision(studies: Sequence[Study]) -> go.Figure:
                 customdata=[point.value for point in timed], hovertemplate="h = %{customdata:.3g} s: %{y:.2e}",
                 line=run_style(study.engine, study.preset), marker=_mark(study),
             )  # fmt: skip
-    figure.update_xaxes(title="wall time, warm [s]")
-    return _finished(figure, 480)
+    return _finished(figure, "wall time, warm [s]", 480)
 
 
 def exponent(law: PowerLaw | None) -> str:
@@ -76,8 +70,8 @@ def _pair(studies: Sequence[Study]) -> go.Figure:
     return make_subplots(rows=1, cols=2, subplot_titles=titles, horizontal_spacing=0.09)
 
 
-def _finished(figure: go.Figure, height: int) -> go.Figure:
-    figure.update_xaxes(**LOGARITHMIC)
+def _finished(figure: go.Figure, x_title: str, height: int) -> go.Figure:
+    figure.update_xaxes(title=x_title, **LOGARITHMIC)
     figure.update_yaxes(**LOGARITHMIC)
     figure.update_yaxes(title="largest error", col=1)
     return finish(figure, height, legend_at=-0.25)
@@ -87,30 +81,32 @@ def _mark(study: Study) -> dict[str, Any]:
     return {"symbol": _MARKS.get(study.preset, "diamond"), "size": 8}
 
 
-def _points(
-    figure: go.Figure, study: Study, quantity: QuantityName, column: int, *, name: str, whole: bool = False
-) -> None:
-    ran = [point for point in study.points if point.error(quantity, study.own and not whole)]
+def _points(figure: go.Figure, study: Study, name: str, *, whole: bool = False) -> None:
+    """The errors, or where it can be isolated and unless the whole is asked for, the parameter's part of them."""
+    own = study.own and not whole
     colour = "#aaaaaa" if whole else run_style(study.engine, study.preset)["color"]
-    figure.add_scatter(
-        x=[point.value for point in ran], y=[point.error(quantity, study.own and not whole) for point in ran],
-        mode="markers", name=name, legendgroup=name, showlegend=column == 1, row=1, col=column,
-        marker={**_mark(study), "color": colour},
-    )  # fmt: skip
+    for column, quantity in enumerate(_QUANTITIES, start=1):
+        ran = [point for point in study.points if point.error(quantity, own)]
+        figure.add_scatter(
+            x=[point.value for point in ran], y=[point.error(quantity, own) for point in ran],
+            mode="markers", name=name, legendgroup=name, showlegend=column == 1, row=1, col=column,
+            marker={**_mark(study), "color": colour},
+        )  # fmt: skip
 
 
-def _line(figure: go.Figure, study: Study, quantity: QuantityName, column: int, at: float = 0.5) -> None:
-    """A law, with its exponent at that share of its range."""
-    law = study.curve(quantity).law
-    if law is None:
-        return
-    x = np.array([law.high, law.low])
-    figure.add_scatter(
-        x=x, y=[law.at(value) for value in x], mode="lines", line=run_style(study.engine, study.preset),
-        name=f"slope {law.exponent:.3f}", showlegend=False, row=1, col=column,
-    )  # fmt: skip
-    place = law.low ** (1 - at) * law.high**at
-    figure.add_annotation(
-        x=np.log10(place), y=np.log10(law.at(place)), text=exponent(law), showarrow=False, xanchor="right", yshift=9,
-        row=1, col=column, font={"size": 12, "color": run_style(study.engine, study.preset)["color"]},
-    )  # fmt: skip
+def _lines(figure: go.Figure, study: Study, at: float = 0.5) -> None:
+    """The laws, each with its exponent at that share of its range."""
+    style = run_style(study.engine, study.preset)
+    for column, quantity in enumerate(_QUANTITIES, start=1):
+        law = study.curve(quantity).law
+        if law is None:
+            continue
+        figure.add_scatter(
+            x=[law.high, law.low], y=[law.at(law.high), law.at(law.low)], mode="lines", line=style,
+            name=f"slope {law.exponent:.3f}", showlegend=False, row=1, col=column,
+        )  # fmt: skip
+        place = law.low ** (1 - at) * law.high**at
+        figure.add_annotation(
+            x=np.log10(place), y=np.log10(law.at(place)), text=exponent(law), showarrow=False, xanchor="right",
+            yshift=9, row=1, col=column, font={"size": 12, "color": style["color"]},
+        )  # fmt: skip
