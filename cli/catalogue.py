@@ -64,10 +64,10 @@ def export_command(
 
 def engines_command() -> None:
     """List the engines: installed or not, version, presets and capabilities."""
-    from ..comparisons.report.document import Document, Listing, Text, table
+    from ..comparisons.report.document import Document, Listing, Text, table, words
     from ..engines.registry import engines
 
-    titles = "engine | version | presets | joint forces | releases | stop laws"
+    titles = ("engine", "version", "presets", "joint forces", "releases", "stop laws")
     rows = [
         (
             status.name,
@@ -80,5 +80,5 @@ def engines_command() -> None:
         for status in engines().values()
     ]
     texts = (Text(f"{status.name}: {status.capabilities.formulation}") for status in engines().values())
-    blocks = (table(titles, rows), Listing(tuple(texts)))
+    blocks = (table([words(title, wrap=False) for title in titles], rows), Listing(tuple(texts)))
     output.show(Document("engines", blocks))
