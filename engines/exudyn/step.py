@@ -162,13 +162,14 @@ class _Motion:
         def torque(rows: FloatArray, row: int) -> float:
             return self.solver.torque(self.solver.balance(self.solver.state(rows, row), active).row, name)
 
-        times, values = [float(table[-2, 0])], [torque(table, len(table) - 2)]
+        # Times as asked for: with adaptive steps a table may end a rounding beside them.
+        times, values = [float(time) for time in table[-2:, 0]], [torque(table, len(table) - 2)]
 
         def secant(found: FloatArray) -> float:
-            times.append(float(found[-1, 0]))
             values.append(torque(found, -1))
             slope = (values[-1] - values[-2]) / (times[-1] - times[-2])
-            return times[-1] - values[-1] / slope if slope else times[-1]
+            times.append(min(times[-1] - values[-1] / slope if slope else times[-1], float(table[-1, 0])))
+            return times[-1]
 
         return self._onto(table, active, secant)
 
