@@ -69,11 +69,11 @@ def _engines(values: Sequence[EngineValue]) -> list[str]:
 
 def _engine_value(values: Sequence[EngineValue], engine: str, form: str = ".6g", tolerance: str = "") -> str:
     """An engine's value, or why there is none; with its tolerance where a format for it is given."""
-    found = next((each for each in values if each.engine == engine), None)
-    if found is None or found.value is None:
-        return "–" if found is None else found.note or "–"
-    beside = "" if not tolerance or found.tolerance is None else f" (± {found.tolerance:{tolerance}})"
-    return f"{found.value:{form}}{beside}"
+    entry = next((each for each in values if each.engine == engine), None)
+    if entry is None or entry.value is None:
+        return "–" if entry is None else entry.note or "–"
+    beside = "" if not tolerance or entry.tolerance is None else f" (± {entry.tolerance:{tolerance}})"
+    return f"{entry.value:{form}}{beside}"
 
 
 def _by_engine(names: Sequence[str]) -> Values:
@@ -87,18 +87,19 @@ def _degrees(*angles: float) -> str:
 
 def _identification(data: JsonValue) -> Iterator[Block]:
     """Fits, what determines them, and what singles one start out."""
-    found = Identification.model_validate(data)
-    yield from _findings(found.findings)
-    yield from _fits(found)
-    yield from _sensitivities(found)
+    identification = Identification.model_validate(data)
+    yield from _findings(identification.findings)
+    yield from _fits(identification)
+    yield from _sensitivities(identification)
     extents = [(e.angle, _degrees(e.low), ", ".join(e.ends_low), _degrees(e.high), ", ".join(e.ends_high))
-               for e in found.fit.extents]  # fmt: skip
+               for e in identification.fit.extents]  # fmt: skip
     headings = ("angle", "from [deg]", "ended by", "to [deg]", "ended by")
     yield from _section("Start angles compatible with every printed digit", headings, extents)
-    if found.search is not None:
-        rows = [(_degrees(*each.angles), each.worst, each.miss, each.starts) for each in found.search.solutions[:8]]
+    search = identification.search
+    if search is not None:
+        rows = [(_degrees(*each.angles), each.worst, each.miss, each.starts) for each in search.solutions[:8]]
         headings = ("θ, φ, α [deg]", "misses most", "by [half widths]", "starts that led there")
-        text = f"{found.search.machines} machines looked at, {found.search.starts} minima refined."
+        text = f"{search.machines} machines looked at, {search.starts} minima refined."
         yield from _section("Search for other starts", headings, rows, [text])
 
 
@@ -114,9 +115,9 @@ _FITS: Values = {
 }
 
 
-def _fits(found: Identification) -> Iterator[Block]:
-    yield from _section("Fits", _FITS, (found.fit, *found.nested))
-    at = {each.name: (each.computed, each.miss) for each in found.fit.figures}
+def _fits(identification: Identification) -> Iterator[Block]:
+    yield from _section("Fits", _FITS, (identification.fit, *identification.nested))
+    at = {each.name: (each.computed, each.miss) for each in identification.fit.figures}
     numbers: Values = {
         "number": lambda each: each.name,
         "where": lambda each: each.where,
@@ -126,15 +127,16 @@ def _fits(found: Identification) -> Iterator[Block]:
         "used as": lambda each: "fitted" if each.fitted else "bound",
         "half width": lambda each: each.because,
     }
-    yield from _section("Printed numbers", numbers, found.printed)
+    yield from _section("Printed numbers", numbers, identification.printed)
 
 
-def _sensitivities(found: Identification) -> Iterator[Block]:
+def _sensitivities(identification: Identification) -> Iterator[Block]:
     rows = [
-        (each.name, *each.per_radian, *(f"{share:.0%}" for share in each.information)) for each in found.sensitivities
+        (each.name, *each.per_radian, *(f"{share:.0%}" for share in each.information))
+        for each in identification.sensitivities
     ]
     headings = ("number", "by θ [per rad]", "by φ", "by α", "tells θ", "tells φ", "tells α")
-    c = found.conditioning
+    c = identification.conditioning
     text = (
         f"Rank {c.rank} of 3, condition number {c.condition_number:.3g}; the joint 95 % region reaches "
         f"{_degrees(*c.half_lengths)} deg along its axes, the best determined first."
@@ -183,27 +185,28 @@ def _readings(study: DragStudy) -> Iterator[Block]:
     yield from _section("World by world", fits, [(r, fit) for r in study.readings for fit in r.worlds])
 
 
-_PLACE: Values = {
-    "l1 [m]": lambda place: f"{place.l1:.7g}",
-    "l1 : l2": lambda place: f"{place.lever_ratio:.4g}",
-    "torque on the arm [N m]": lambda place: place.arm_torque,
-    "hanger's rest [N m]": lambda place: place.rest_torques.get("hanger rest"),
-    "furthest back [rad]": lambda place: place.furthest_back,
-    "speed [m/s]": lambda place: place.speed and place.speed.value,
-    "rests that may pull [m/s]": lambda place: place.bilateral_speed,
+_POSITION: Values = {
+    "l1 [m]": lambda position: f"{position.l1:.7g}",
+    "l1 : l2": lambda position: f"{position.lever_ratio:.4g}",
+    "torque on the arm [N m]": lambda position: position.arm_torque,
+    "hanger's rest [N m]": lambda position: position.rest_torques.get("hanger rest"),
+    "furthest back [rad]": lambda position: position.furthest_back,
+    "speed [m/s]": lambda position: position.speed and position.speed.value,
+    "rests that may pull [m/s]": lambda position: position.bilateral_speed,
 }
 
 
 def _sweep(data: JsonValue) -> Iterator[Block]:
     """Peak, thresholds, what happens where on the beam."""
-    found = Sweep.model_validate(data)
-    text = f"Swept from l1 = {found.start:g} to {found.end:g} m, l1 + l2 = {found.beam:g} m."
-    yield from _section("What the curve shows", ("", ""), [*_curve_facts(found), *_regime_facts(found)], [text])
-    places = [*found.positions, *(place for place in (found.regime.below, found.regime.above) if place is not None)]
-    names = _engines([each for place in found.positions for each in place.engines])
-    ordered = sorted(places, key=lambda place: place.l1)
-    yield from _section("Place by place", _PLACE | _by_engine(names), ordered)
-    yield from _root_searches(found.artefact)
+    sweep = Sweep.model_validate(data)
+    text = f"Swept from l1 = {sweep.start:g} to {sweep.end:g} m, l1 + l2 = {sweep.beam:g} m."
+    yield from _section("What the curve shows", ("", ""), [*_curve_facts(sweep), *_regime_facts(sweep)], [text])
+    ends = (sweep.regime.below, sweep.regime.above)
+    positions = [*sweep.positions, *(position for position in ends if position is not None)]
+    names = _engines([each for position in sweep.positions for each in position.engines])
+    ordered = sorted(positions, key=lambda position: position.l1)
+    yield from _section("Place by place", _POSITION | _by_engine(names), ordered)
+    yield from _root_searches(sweep.artefact)
 
 
 def _curve_facts(s: Sweep) -> Iterator[tuple[str, str]]:
@@ -249,12 +252,12 @@ def _root_searches(artefact: Artefact) -> Iterator[Block]:
 
 def _design(data: JsonValue) -> Iterator[Block]:
     """Rolling machines whose peak comes at their best release, beside the paper's."""
-    found = Design.model_validate(data)
-    yield from _designs(found)
-    for each in found.designs:
+    design = Design.model_validate(data)
+    yield from _designs(design)
+    for each in design.designs:
         if each.engines:
             yield from _confirmed(each)
-    notes = [f"{each.name}: {'; '.join(each.warnings)}" for each in found.designs if each.warnings]
+    notes = [f"{each.name}: {'; '.join(each.warnings)}" for each in design.designs if each.warnings]
     if notes:
         yield Heading("What a builder should know")
         yield from _findings(notes)
@@ -275,19 +278,19 @@ _DESIGN: Values = {
 """Of a throw with the name of its machine."""
 
 
-def _designs(found: Design) -> Iterator[Block]:
+def _designs(design: Design) -> Iterator[Block]:
     named: list[tuple[str, Throwing | None]] = [
-        ("the paper's, fixed", found.paper_fixed),
-        ("the paper's, rolling", found.paper_rolling),
-        *((f"{each.name} ({each.reading.value})", each.throwing) for each in found.designs),
-        ("largest range of all", found.unconstrained),
+        ("the paper's, fixed", design.paper_fixed),
+        ("the paper's, rolling", design.paper_rolling),
+        *((f"{each.name} ({each.reading.value})", each.throwing) for each in design.designs),
+        ("largest range of all", design.unconstrained),
     ]
-    r, h, l1 = (f"{low:g} to {high:g}" for low, high in (found.bounds.r, found.bounds.h, found.bounds.l1))
+    r, h, l1 = (f"{low:g} to {high:g}" for low, high in (design.bounds.r, design.bounds.h, design.bounds.l1))
     text = (
         f"Chosen within r {r}, h {h}, l1 {l1} m, masses and l1 + l2 kept. "
-        f"Asked besides: {'; '.join(found.constraints)}."
+        f"Asked besides: {'; '.join(design.constraints)}."
     )
-    active = "; ".join(f"{d.name} stands on {', '.join(d.optimality.active) or 'no bound'}" for d in found.designs)
+    active = "; ".join(f"{d.name} stands on {', '.join(d.optimality.active) or 'no bound'}" for d in design.designs)
     texts = [text, f"{active}."] if active else [text]
     yield from _section("Designs", _DESIGN, [(name, each) for name, each in named if each is not None], texts)
 
@@ -303,19 +306,19 @@ def _confirmed(each: CoincidingDesign) -> Iterator[Block]:
 
 def _machines(data: JsonValue) -> Iterator[Block]:
     """What each machine that the paper names makes of the energy it has."""
-    found = Machines.model_validate(data)
+    machines = Machines.model_validate(data)
     text = (
         "Efficiency: the projectile's kinetic energy at 45 degrees over the energy available, which is the potential "
         "energy at the start less the least there is. All have the paper's masses and arm; who wins depends on the "
-        f"sling, so each machine also gets its fastest, of {found.slings[0]:g} to {found.slings[1]:g} m, and each kind "
-        f"its most efficient machine with {_bounds(found)}."
+        f"sling, so each machine also gets its fastest, of {machines.slings[0]:g} to {machines.slings[1]:g} m, and "
+        f"each kind its most efficient machine with {_bounds(machines)}."
     )
-    yield Figure(efficiencies(found), "Who makes most of its energy", text)
-    names = _engines([value for machine in found.machines for value in machine.engines])
-    yield from _throws(found, names)
+    yield Figure(efficiencies(machines), "Who makes most of its energy", text)
+    names = _engines([value for machine in machines.machines for value in machine.engines])
+    yield from _throws(machines, names)
     rows = [
         (machine.name, *(_engine_value(machine.distances, name, ".1e", ".0e") for name in names))
-        for machine in found.machines
+        for machine in machines.machines
     ]
     text = (
         "Largest distance of any marked point from the reference up to the launch, each engine with its tuned preset "
@@ -324,20 +327,20 @@ def _machines(data: JsonValue) -> Iterator[Block]:
     yield from _section("How well the engines follow [m]", ("machine", *names), rows, [text])
 
 
-def _bounds(found: Machines) -> str:
-    spans = [f"{name} of {low:g} to {high:g} m" for name, (low, high) in found.bounds.items() if name != "theta0"]
-    low, high = (math.degrees(angle) for angle in found.bounds["theta0"])
+def _bounds(machines: Machines) -> str:
+    spans = [f"{name} of {low:g} to {high:g} m" for name, (low, high) in machines.bounds.items() if name != "theta0"]
+    low, high = (math.degrees(angle) for angle in machines.bounds["theta0"])
     return f"{', '.join(spans)} and, where the arm begins backward, a start of {low:.0f} to {high:.0f} deg"
 
 
-def _throws(found: Machines, names: Sequence[str]) -> Iterator[Block]:
+def _throws(machines: Machines, names: Sequence[str]) -> Iterator[Block]:
     rows: list[tuple[object, ...]] = []
-    for machine in found.machines:
+    for machine in machines.machines:
         throws = [(machine.table_one, machine.engines), (machine.fastest_sling, ()), (machine.most_efficient, ())]
         rows += [_throw(machine, throw, values, names) for throw, values in throws if throw is not None]
     chosen = ("l1 [m]", "start [deg]", "sling [m]", "available [kJ]", "launch [s]")
     reached = ("arm there [deg]", "speed [m/s]", "kinetic energy [kJ]", "efficiency")
-    legend = "; ".join(f"{machine.name}: {machine.text}" for machine in found.machines)
+    legend = "; ".join(f"{machine.name}: {machine.text}" for machine in machines.machines)
     yield from _section("Throws at 45 degrees", ("machine", *chosen, *reached, *names), rows, [f"{legend}."])
 
 

@@ -42,17 +42,17 @@ Values = Callable[[Trajectory], tuple[FloatArray, FloatArray]]
 def series(evidence: Evidence) -> tuple[Series, ...]:
     """All of them."""
     fixed, panels = evidence.throws[FIXED], list(zip("ab", evidence.throws.items(), strict=False))
-    found = [
+    curves = [
         *_torque(fixed, "Fig. 2", HANGER_REST, 1.0),
         *_torque(fixed, "Fig. 3", SLING_REST, -1.0),
         *_range(fixed),
         *_speed(evidence),
     ]
     for panel, (_, throw) in panels:
-        found += _path(throw, f"Fig. 6{panel}")
+        curves += _path(throw, f"Fig. 6{panel}")
     for panel, (name, throw) in panels:
-        found += _ratio(throw, name, f"Fig. 7{panel}")
-    return tuple(found)
+        curves += _ratio(throw, name, f"Fig. 7{panel}")
+    return tuple(curves)
 
 
 def _curve(
@@ -60,7 +60,7 @@ def _curve(
 ) -> list[Series]:
     """Ours as a line from start to end [s], each engine's as samples of its own."""
     ours = of(throw.at(np.linspace(start, end, _POINTS)))
-    found = [_series(figure, "reference", "line", None, labels, ours)]
+    curves = [_series(figure, "reference", "line", None, labels, ours)]
     for each in throw.engines:
         if each.trajectory is None:
             continue
@@ -69,10 +69,10 @@ def _curve(
         except ValueError:
             continue  # the engine does not show it
         t = each.trajectory.t
-        wanted = np.searchsorted(t, np.linspace(start, end, _SAMPLED))
-        inside = np.unique(wanted[(wanted < len(t)) & (t[np.minimum(wanted, len(t) - 1)] <= end)])
-        found.append(_series(figure, each.engine, "points", each.engine, labels, (x[inside], y[inside])))
-    return found
+        indices = np.searchsorted(t, np.linspace(start, end, _SAMPLED))
+        inside = np.unique(indices[(indices < len(t)) & (t[np.minimum(indices, len(t) - 1)] <= end)])
+        curves.append(_series(figure, each.engine, "points", each.engine, labels, (x[inside], y[inside])))
+    return curves
 
 
 def _series(
@@ -121,9 +121,9 @@ def _speed(evidence: Evidence) -> Iterator[Series]:
         yield _series("Fig. 5", name, "line", None, labels, (l1, y))
     values = [(p.l1, each) for p in sweep.positions for each in p.engines]
     for name in dict.fromkeys(each.engine for _, each in values):
-        found = [(x, each.value) for x, each in values if each.engine == name and each.value is not None]
-        if found:
-            x, y = np.array(found).T
+        points = [(x, each.value) for x, each in values if each.engine == name and each.value is not None]
+        if points:
+            x, y = np.array(points).T
             yield _series("Fig. 5", name, "points", name, labels, (x, y))
     x = [each.value for each in (BEST_L1, TABLE_L1, ZERO_L1, END_L1)]
     y = [each.value for each in (BEST_SPEED, LAUNCH_SPEED, NO_SPEED, NO_SPEED)]

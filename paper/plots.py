@@ -49,7 +49,7 @@ def _plot(series: Sequence[Series]) -> go.Figure:
     panels = sorted({each.figure for each in series})
     titles = [f"({panel[-1]}) {_MACHINES.get(panel[-1], '')}" for panel in panels] if len(panels) > 1 else None
     figure = make_subplots(rows=1, cols=len(panels), subplot_titles=titles, shared_yaxes=len(panels) > 1)
-    shown: set[str] = set()
+    in_legend: set[str] = set()
     for each in series:
         column = panels.index(each.figure) + 1
         figure.add_scatter(
@@ -57,12 +57,12 @@ def _plot(series: Sequence[Series]) -> go.Figure:
             y=each.y,
             name=each.name,
             legendgroup=each.name,
-            showlegend=each.name not in shown,
+            showlegend=each.name not in in_legend,
             row=1,
             col=column,
             **_style(each),
         )
-        shown.add(each.name)
+        in_legend.add(each.name)
         figure.update_xaxes(title=each.x_label, row=1, col=column)
     figure.update_yaxes(title=series[0].y_label, col=1)
     if (series[0].x_label, series[0].y_label) == ("x [m]", "y [m]"):  # paths: a metre is a metre
@@ -109,16 +109,16 @@ def best_angles(study: DragStudy) -> go.Figure:
     return finish(figure, 420)
 
 
-def efficiencies(found: Machines) -> go.Figure:
+def efficiencies(machines: Machines) -> go.Figure:
     """Efficiency of every machine, with three slings."""
     bars: dict[str, Callable[[MachineEfficiency], SlingThrow | None]] = {
         "the paper's sling": lambda machine: machine.table_one,
         "its fastest sling": lambda machine: machine.fastest_sling or machine.table_one,
         "most efficient within bounds": lambda machine: machine.most_efficient,
     }
-    figure, names = go.Figure(), [machine.name for machine in found.machines]
+    figure, names = go.Figure(), [machine.name for machine in machines.machines]
     for name, of in bars.items():
-        throws = [of(machine) for machine in found.machines]
+        throws = [of(machine) for machine in machines.machines]
         figure.add_bar(x=names, y=[None if throw is None else throw.efficiency for throw in throws], name=name)
     figure.update_yaxes(title="efficiency", range=[0, 1], tickformat=".0%")
     return finish(figure, 420)

@@ -35,13 +35,13 @@ def document(study: Study) -> Document:
     )
     tiles = tuple(doc.Tile(str(number), verdict.value, _MARKS[verdict]) for verdict, number in counts(study).items())
     total, agreeing = Text(headline(study), "strong", medium="terminal"), Text(agreement(study), medium="terminal")
-    found = doc.Listing(tuple(Text(each) for each in findings(study)), ordered=True)
+    most_important = doc.Listing(tuple(Text(each) for each in findings(study)), ordered=True)
     blocks = (
         Note(intro),
         doc.Tiles(tiles),
         Text(f"{headline(study)} {agreement(study)}", medium="page"),
         Heading("What matters most"),
-        doc.page_only(found),
+        doc.page_only(most_important),
         *_claims(study, names),
         *_figures(study),
         *_tables(study),
@@ -49,7 +49,7 @@ def document(study: Study) -> Document:
         *_provenance(study),
         total,
         agreeing,
-        doc.terminal_only(found),
+        doc.terminal_only(most_important),
     )
     return Document("The paper, claim by claim", blocks, "trebucheck paper")
 
@@ -69,8 +69,8 @@ def engines(study: Study) -> list[str]:
 
 def counts(study: Study) -> dict[Verdict, int]:
     """Number of claims by verdict, none left out."""
-    found = Counter(claim.verdict for claim in study.claims)
-    return {verdict: found[verdict] for verdict in Verdict}
+    by_verdict = Counter(claim.verdict for claim in study.claims)
+    return {verdict: by_verdict[verdict] for verdict in Verdict}
 
 
 def headline(study: Study) -> str:
@@ -84,7 +84,7 @@ def headline(study: Study) -> str:
 
 def agreement(study: Study) -> str:
     """One line: how many of the engines' values lie within their tolerances."""
-    judged = [found for c in study.claims for each in c.engines if (found := each.agrees(c.ours)) is not None]
+    judged = [agrees for c in study.claims for each in c.engines if (agrees := each.agrees(c.ours)) is not None]
     return f"{sum(judged)} of {len(judged)} values of engines lie within their agreement tolerances."
 
 
@@ -95,8 +95,8 @@ def disagreeing(study: Study) -> list[tuple[Claim, EngineValue]]:
 
 def findings(study: Study, most: int = 3) -> list[str]:
     """The most important results: what holds, then what departs most, one of each place in the paper."""
-    found = [_holding(study), *(_failing(claim) for claim in worst(study.claims, most - 1))]
-    return [each for each in found if each][:most]
+    texts = [_holding(study), *(_failing(claim) for claim in worst(study.claims, most - 1))]
+    return [each for each in texts if each][:most]
 
 
 def _holding(study: Study) -> str:
@@ -210,19 +210,19 @@ def _verdict(claim: Claim) -> Cell:
 
 def _agreeing(claim: Claim) -> str:
     """How many of the engines with a tolerance behind their value agree with ours."""
-    judged = [found for each in claim.engines if (found := each.agrees(claim.ours)) is not None]
+    judged = [agrees for each in claim.engines if (agrees := each.agrees(claim.ours)) is not None]
     return f"{sum(judged)} of {len(judged)}" if judged else ""
 
 
 def _engine_value(claim: Claim, engine: str) -> Cell:
-    found = next((each for each in claim.engines if each.engine == engine), None)
-    if found is None:
+    entry = next((each for each in claim.engines if each.engine == engine), None)
+    if entry is None:
         return Cell("")
-    if found.value is None:
-        return Cell("–", hint=found.note or "")
-    tolerance = found.tolerance
+    if entry.value is None:
+        return Cell("–", hint=entry.note or "")
+    tolerance = entry.tolerance
     hint = "it has no tolerance" if tolerance is None else f"allowed: {format_number(tolerance)} from ours"
-    return Cell(f"{found.value:.9g}", doc.mark_of(found.agrees(claim.ours)), hint=hint)
+    return Cell(f"{entry.value:.9g}", doc.mark_of(entry.agrees(claim.ours)), hint=hint)
 
 
 def _figures(study: Study) -> Iterator[Block]:
@@ -235,10 +235,10 @@ def _figures(study: Study) -> Iterator[Block]:
 def _tables(study: Study) -> Iterator[Block]:
     """Table I with the start, and the claims on Table II."""
     yield Heading("Tables", 2, "tables")
-    found = next((p for machine in study.machines if (p := parameters_of(machine)) is not None), None)
-    if found is not None:
+    parameters = next((p for machine in study.machines if (p := parameters_of(machine)) is not None), None)
+    if parameters is not None:
         fields = TrebuchetParameters.model_fields
-        constants = [(name, f"{value:.9g}", fields[name].description or "") for name, value in found]
+        constants = [(name, f"{value:.9g}", fields[name].description or "") for name, value in parameters]
         yield Heading("Table I")
         yield Note("With the start angles, which the paper does not print.")
         yield table(("constant", "value", words("what")), constants, medium="page")

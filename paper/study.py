@@ -149,8 +149,8 @@ def study(
         for name in MACHINES:
             parts.start(f"throws: {name}")
             throws[name] = _throw(name, p, names, timeout)
-        found, failures = _results(running, parts)
-    evidence = Evidence(p, throws, found, failures)
+        results, failures = _results(running, parts)
+    evidence = Evidence(p, throws, results, failures)
     return Study(
         made=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=_versions(names),
@@ -158,16 +158,16 @@ def study(
         claims=claims(evidence),
         unreached=UNREACHED,
         series=series(evidence),
-        sections=_as_data(found, failures),
+        sections=_as_data(results, failures),
         seconds=time.perf_counter() - began,
     )
 
 
-def _sections(wanted: Sequence[str] | None) -> list[str]:
-    for name in wanted or ():
+def _sections(requested: Sequence[str] | None) -> list[str]:
+    for name in requested or ():
         if name not in SECTIONS:
             raise InputError(f"there is no section {name!r}; there are: {', '.join(SECTIONS)}.")
-    return [name for name in SECTIONS if wanted is None or name in wanted]
+    return [name for name in SECTIONS if requested is None or name in requested]
 
 
 def _throw(name: str, parameters: TrebuchetParameters, engines: Sequence[str], timeout: float) -> MachineThrow:
@@ -177,32 +177,32 @@ def _throw(name: str, parameters: TrebuchetParameters, engines: Sequence[str], t
 
 def _results(running: Jobs, parts: Counter) -> tuple[dict[str, Spec], dict[str, str]]:
     """Results by name, and why others have none."""
-    found: dict[str, Spec] = {}
+    results: dict[str, Spec] = {}
     failures: dict[str, str] = {}
     parts.show(", ".join(running.names))
     for name, result, why in running.finished():
         if why is None:
-            found[name] = result
+            results[name] = result
         else:
             failures[name] = why
         parts.done += 1
         parts.show(", ".join(running.names))
-    return found, failures
+    return results, failures
 
 
-def _as_data(found: Mapping[str, Spec], failures: Mapping[str, str]) -> dict[str, JsonValue]:
+def _as_data(results: Mapping[str, Spec], failures: Mapping[str, str]) -> dict[str, JsonValue]:
     data: dict[str, JsonValue] = {name: {"failed": why} for name, why in failures.items()}
-    for name, each in found.items():
+    for name, each in results.items():
         data[name] = each.model_dump(mode="json")
     return data
 
 
 def claims(evidence: Evidence) -> tuple[Claim, ...]:
     """Every claim of the paper that a solver can reach, in the order of the paper."""
-    found = [row.claim(evidence) for group in THROWS for row in group.rows(evidence)]
+    all_claims = [row.claim(evidence) for group in THROWS for row in group.rows(evidence)]
     for name in _ROWS:
-        found += _of_section(name, evidence)
-    return tuple(sorted(found, key=lambda claim: order(claim.where)))
+        all_claims += _of_section(name, evidence)
+    return tuple(sorted(all_claims, key=lambda claim: order(claim.where)))
 
 
 def _of_section(name: str, evidence: Evidence) -> list[Claim]:
@@ -213,22 +213,22 @@ def _of_section(name: str, evidence: Evidence) -> list[Claim]:
         except Exception as error:  # rows of other studies must not be lost with these
             why = f"{type(error).__name__}: {error}"
     if why is None:
-        return []  # the study was not wanted
+        return []  # the study was not requested
     quantity, failed = f"everything that the study '{name}' computes", undecided(f"its computation failed: {why}")
     return [Row(f"all of {name}", where, "", quantity, None, failed).claim(evidence)]
 
 
 def order(where: str) -> int:
     """Place in the paper: of the first section, equation, figure or table named."""
-    found = _PLACE.match(where)
-    return len(_PLACES) if found is None else _PLACES.index(found[1] or found[2])
+    match = _PLACE.match(where)
+    return len(_PLACES) if match is None else _PLACES.index(match[1] or match[2])
 
 
 def _versions(engines: Sequence[str]) -> dict[str, str]:
     from ..version import __version__
 
-    here = {"trebucheck": __version__, "python": platform.python_version()}
-    return here | {name: engine_class(name).version() for name in engines}
+    versions = {"trebucheck": __version__, "python": platform.python_version()}
+    return versions | {name: engine_class(name).version() for name in engines}
 
 
 @dataclass(frozen=True)

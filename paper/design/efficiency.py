@@ -44,8 +44,8 @@ _SEED = 1
 _LENGTHS, _REFINED_LENGTHS = 25, 7  # lengths at first, and in each closer look
 _LENGTH_REFINEMENTS = 4  # each a third as wide as the one before: 0.5 m become 6 mm, where the speed is flat to 1e-6
 _SLING_DURATION = 4.0  # [s] in which machines of this size launch
-_GRID = {"l1": 7, "r": 9, "theta0": 5}  # places at first: a metre, 1.5 m and 13 deg apart
-_REFINEMENTS = 3  # closer ones, a place to each side of the best: spacings become 4 cm, 6 cm and 0.5 deg
+_GRID = {"l1": 7, "r": 9, "theta0": 5}  # points of the coarse grid, with spacings of 1 m, 1.5 m and 13 deg
+_REFINEMENTS = 3  # finer grids, one point to each side of the best: spacings become 4 cm, 6 cm and 0.5 deg
 _BESIDE, _CLOSER = 1, 3.0
 _DURATION = 5.0  # [s] in which machines of this size launch
 _BACKWARD = 1.0  # [rad] a start beyond this is one of an arm that begins backward
@@ -121,7 +121,7 @@ def potential_energy(mechanism: Mechanism) -> float:
 
 
 def available_energy(mechanism: Mechanism) -> float:
-    """Potential energy at the start less the least there is, over all positions that the joints allow [J].
+    """Potential energy at the start less its minimum over all positions that the joints allow [J].
 
     What could be had if nothing but the projectile moved in the end, and every other mass lay as low as it can.
     """
@@ -139,10 +139,10 @@ def available_energy(mechanism: Mechanism) -> float:
     constraints = [loops] if equations.n_loops else []
     random = np.random.default_rng(_SEED)
     starts = [start, *(start + random.uniform(-np.pi, np.pi, (_STARTS, len(start))))]
-    found = [
+    minima = [
         minimize(energy, q, jac=slope, method="SLSQP", constraints=constraints, options={"ftol": 1e-15}) for q in starts
     ]
-    lowest = min(float(each.fun) for each in found if _closes(equations, each.x))
+    lowest = min(float(each.fun) for each in minima if _closes(equations, each.x))
     return top - lowest * abs(top or 1.0)
 
 
@@ -170,15 +170,15 @@ def fastest_sling(name: str) -> tuple[float, Mechanism, Launched] | None:
     if "r" not in parameters_type(name).model_fields:
         return None
     lengths = np.linspace(*SLINGS, _LENGTHS)
-    found = _looked_at(name, lengths)
+    fastest = _fastest_of(name, lengths)
     for _ in range(_LENGTH_REFINEMENTS):
-        step, middle = lengths[1] - lengths[0], found[0]
+        step, middle = lengths[1] - lengths[0], fastest[0]
         lengths = np.linspace(max(SLINGS[0], middle - step), min(SLINGS[1], middle + step), _REFINED_LENGTHS)
-        found = max(found, _looked_at(name, lengths), key=lambda each: each[2].speed)
-    return found if found[2].speed > 0 else None
+        fastest = max(fastest, _fastest_of(name, lengths), key=lambda each: each[2].speed)
+    return fastest if fastest[2].speed > 0 else None
 
 
-def _looked_at(name: str, lengths: FloatArray) -> tuple[float, Mechanism, Launched]:
+def _fastest_of(name: str, lengths: FloatArray) -> tuple[float, Mechanism, Launched]:
     machines = [model(name, parameters_type(name)(r=float(r))) for r in lengths]
     throws = zip(lengths.tolist(), machines, launches(machines, _SLING_DURATION), strict=True)
     return max(throws, key=lambda each: each[2].speed)
@@ -189,7 +189,7 @@ def launches(machines: Sequence[Mechanism], duration: float, alone: bool = True)
 
     Args:
         machines: alike but for their numbers.
-        duration: the launch is looked for up to here [s]; where machines are solved alone, at all times.
+        duration: end of the search for the launch [s]; where machines are solved alone, at all times.
         alone: whether each may be solved for itself, a tenth of a second each, where heyoka is not installed.
 
     Raises:
@@ -264,24 +264,24 @@ def _around(key: str, middle: float, step: float) -> FloatArray:
 
 
 def _best(name: str, grid: dict[str, FloatArray], lowest: dict[float, float]) -> Widest | None:
-    places = [
+    points = [
         dict(zip(grid, values, strict=True)) for values in itertools.product(*(g.tolist() for g in grid.values()))
     ]
-    machines = [_machine(name, place) for place in places]
+    machines = [_machine(name, point) for point in points]
     throws = launches(machines, _DURATION, alone=False)
-    found = list(_rated(places, machines, throws, lowest))
-    return max(found, key=lambda each: each.efficiency, default=None)
+    rated = list(_rated(points, machines, throws, lowest))
+    return max(rated, key=lambda each: each.efficiency, default=None)
 
 
-def _machine(name: str, place: dict[str, float]) -> Mechanism:
+def _machine(name: str, point: dict[str, float]) -> Mechanism:
     """At the given machine's length of arm."""
     kind = parameters_type(name)
     beam = kind.model_fields["l1"].default + kind.model_fields["l2"].default
-    return model(name, kind(**place, l2=beam - place["l1"]))
+    return model(name, kind(**point, l2=beam - point["l1"]))
 
 
 def _rated(
-    places: Sequence[dict[str, float]],
+    points: Sequence[dict[str, float]],
     machines: Sequence[Mechanism],
     throws: Iterable[Launched],
     lowest: dict[float, float],
@@ -289,17 +289,17 @@ def _rated(
     """Efficiencies of those that launch.
 
     The lowest position of all does not depend on the start, and a sling hangs straight down in it: one search serves
-    all machines of one l1, and `lowest` keeps what it found.
+    all machines of one l1, and `lowest` keeps its result.
     """
-    for place, machine, thrown in zip(places, machines, throws, strict=True):
+    for point, machine, thrown in zip(points, machines, throws, strict=True):
         if not thrown.speed > 0:
             continue
-        top, hanging = potential_energy(machine), thrown_mass(machine) * machine.gravity * place.get("r", 0.0)
-        l1 = place["l1"]
+        top, hanging = potential_energy(machine), thrown_mass(machine) * machine.gravity * point.get("r", 0.0)
+        l1 = point["l1"]
         if l1 not in lowest:
             lowest[l1] = top - available_energy(machine) + hanging
         available = top - (lowest[l1] - hanging)
-        yield Widest(place, machine, thrown, kinetic_energy(machine, thrown.speed) / available)
+        yield Widest(point, machine, thrown, kinetic_energy(machine, thrown.speed) / available)
 
 
 def efficiencies(engines: Sequence[str] | None = None) -> Machines:
@@ -366,8 +366,8 @@ def _widest(name: str) -> WidestThrow | None:
 
 def _allowed(run: Run, solution: Solution) -> float | None:
     """What the engine's tolerances leave of the launch speed [m/s]."""
-    found = {(metric.name, metric.subject): metric.tolerance for metric in run.metrics}
-    tolerances = Allowed(found.get(("position_max", PROJECTILE)), found.get(("launch_speed", None)))
+    tolerance_of = {(metric.name, metric.subject): metric.tolerance for metric in run.metrics}
+    tolerances = Allowed(tolerance_of.get(("position_max", PROJECTILE)), tolerance_of.get(("launch_speed", None)))
     launch = solution.launch
     return None if launch is None else speed_allowance(tolerances, Projectile(solution), launch.time)
 
@@ -387,6 +387,6 @@ def _by_engine(
 def _distance(run: Run) -> EngineValue:
     if run.outcome not in (Outcome.OK, Outcome.BROKEN):
         return EngineValue(engine=run.engine, value=None, note=run.message)
-    found = [metric for metric in run.metrics if metric.name == "position_max" and metric.value is not None]
-    tolerance = next((metric.tolerance for metric in found if metric.subject == PROJECTILE), None)
-    return EngineValue(engine=run.engine, value=max(abs(metric.value or 0.0) for metric in found), tolerance=tolerance)
+    errors = [metric for metric in run.metrics if metric.name == "position_max" and metric.value is not None]
+    tolerance = next((metric.tolerance for metric in errors if metric.subject == PROJECTILE), None)
+    return EngineValue(engine=run.engine, value=max(abs(metric.value or 0.0) for metric in errors), tolerance=tolerance)

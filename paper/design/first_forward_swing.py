@@ -123,7 +123,7 @@ class Design(Spec):
 
 
 _SPANS = (1.9, 3.0)  # longest motions looked at, in characteristic times; Table I's rolling machine has swept after 1.5
-_SCAN = 1000  # instants looked at from the sling's release on: some 2 ms apart on Table I
+_SCAN = 1000  # samples from the sling's release on: a spacing of some 2 ms on Table I
 _DEGREE = 10  # of interpolants over two such intervals, in which a throw changes by a tenth: to rounding
 _REAL = 1e-9  # [s] imaginary part of a root that is rounding
 _LOOKS = 200  # at the arm's angle, which changes by 0.03 rad in between
@@ -186,8 +186,8 @@ def first_forward_swing_of(mechanism: Mechanism, solver: Solver = quick) -> Firs
         reached = fly(release, around).range
     except TrebucheckError:
         return None
-    found = FirstForwardSwing(scanned.projectile, around, fastest, release, reached, launch)
-    return found if reached > 0 and release.velocity[0] > 0 and _before_the_arm_stop(found) else None
+    swing = FirstForwardSwing(scanned.projectile, around, fastest, release, reached, launch)
+    return swing if reached > 0 and release.velocity[0] > 0 and _before_the_arm_stop(swing) else None
 
 
 States = tuple[FloatArray, FloatArray, FloatArray]
@@ -268,36 +268,36 @@ def kinetic_rate(projectile: Projectile, t: float) -> float:
     return float(velocity[0] @ acceleration[0])
 
 
-def _before_the_arm_stop(found: FirstForwardSwing) -> bool:
-    kinematics = found.solution.equations.kinematics
-    times = np.linspace(0.0, max(found.fastest, found.best.time, found.launch), _LOOKS)
-    return bool(np.all(kinematics.gap(ARM_STOP, found.solution.motion(times).q) > 0))
+def _before_the_arm_stop(swing: FirstForwardSwing) -> bool:
+    kinematics = swing.solution.equations.kinematics
+    times = np.linspace(0.0, max(swing.fastest, swing.best.time, swing.launch), _LOOKS)
+    return bool(np.all(kinematics.gap(ARM_STOP, swing.solution.motion(times).q) > 0))
 
 
-def read_throw(parameters: TrebuchetParameters, found: FirstForwardSwing) -> Throwing:
+def read_throw(parameters: TrebuchetParameters, swing: FirstForwardSwing) -> Throwing:
     """The values of a first forward swing."""
-    solution, p = found.solution, parameters
-    until = max(found.best.time, found.fastest)
+    solution, p = swing.solution, parameters
+    until = max(swing.best.time, swing.fastest)
     path = solution.trajectory(np.linspace(0.0, until, _SAMPLES))
     mechanism = solution.problem.mechanism
-    kinetic = 0.5 * p.m_b * found.best.speed**2
+    kinetic = 0.5 * p.m_b * swing.best.speed**2
     available = available_energy(mechanism)
     opened = solution.release_times[SLING_REST]
-    assert opened is not None  # or there were no first forward swing
+    assert opened is not None  # without it there is no first forward swing
     return Throwing(
         parameters=p,
         lever_ratio=p.l1 / p.l2,
-        fastest_time=found.fastest,
-        best_time=found.best.time,
-        launch_time=found.launch,
-        largest_speed=found.projectile.release_at(found.fastest).speed,
-        speed=found.best.speed,
-        angle=found.best.angle,
-        range=found.range,
+        fastest_time=swing.fastest,
+        best_time=swing.best.time,
+        launch_time=swing.launch,
+        largest_speed=swing.projectile.release_at(swing.fastest).speed,
+        speed=swing.best.speed,
+        angle=swing.best.angle,
+        range=swing.range,
         ratio=kinetic / float(path.total_energy[0]),
         available_energy=available,
         efficiency=kinetic / available,
-        arm_angle=float(solution.motion(np.array([found.best.time])).q[0, 0]),
+        arm_angle=float(solution.motion(np.array([swing.best.time])).q[0, 0]),
         sling_release=opened,
         rest_torques={s.name: float(path.stop_torque(s.name).max()) for s in mechanism.stops if s.closed},
         lowest={name: float(path.marker(name).position[:, 1].min()) for name in (PROJECTILE, COUNTERWEIGHT)},

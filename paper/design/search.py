@@ -20,7 +20,7 @@ from .first_forward_swing import Bounds, FirstForwardSwing, Optimality, Reading,
 NAMES = ("r", "h", "l1")
 _STEP = 1e-4  # of finite differences, relative: errors of 1e-8 relative from the third derivative, 1e-6 from rounding
 _GRID = (6, 4, 5)  # places of r, h and l1 in the coarse look
-_NEAR = 0.06  # [s] a start's two instants may stand apart: Table I's rolling machine has 0.05
+_NEAR = 0.06  # [s] largest difference of a start's two instants: Table I's rolling machine has 0.05
 _STARTS = 3
 _DRAWS, _DRAWN, _LONGEST = 12, 0.5, 0.2  # steps towards the condition, how near is enough [ms], longest of them
 _REACH = 0.4  # of x, to either side, in which a search goes on before it looks around again
@@ -65,8 +65,8 @@ class Family:
         others = self.parameters.model_dump(exclude={"l1", "l2", "r", "h"})
         return TrebuchetParameters.with_beam(l1, self.beam, r=r, h=h, **others)
 
-    def place(self, parameters: TrebuchetParameters) -> FloatArray:
-        """X of a machine."""
+    def scaled(self, parameters: TrebuchetParameters) -> FloatArray:
+        """The design variables x of a machine, in units of the scale."""
         return np.array([getattr(parameters, name) for name in NAMES]) / self.scale
 
     def sweep(self, x: FloatArray) -> FirstForwardSwing | None:
@@ -78,8 +78,8 @@ class Family:
 
     def values(self, x: FloatArray) -> FloatArray:
         """Range [km] and time between the two instants [ms]; for no throw, what a line search turns back from."""
-        found = self.sweep(x)
-        return _NO_THROW if found is None else np.array([1e-3 * found.range, 1e3 * found.delay(self.reading)])
+        swing = self.sweep(x)
+        return _NO_THROW if swing is None else np.array([1e-3 * swing.range, 1e3 * swing.delay(self.reading)])
 
     def slopes(self, x: FloatArray) -> FloatArray:
         """Derivatives of :meth:`values` by x, central differences, shape (2, 3).
@@ -97,19 +97,19 @@ class Family:
         """Machines of a coarse grid whose two instants are near each other, the farthest throwing first."""
         low, high = self.box
         axes = [np.linspace(a, b, n + 2)[1:-1] for a, b, n in zip(low, high, _GRID, strict=True)]
-        found: list[tuple[float, FloatArray]] = []
-        for place in itertools.product(*axes):
-            x = np.array(place)
+        candidates: list[tuple[float, FloatArray]] = []
+        for point in itertools.product(*axes):
+            x = np.array(point)
             sweep = self.sweep(x)
             if sweep is not None and abs(sweep.delay(self.reading)) < _NEAR:
-                found.append((sweep.range, x))
-        found.sort(key=lambda pair: -pair[0])
-        return [x for _, x in found[:_STARTS]]
+                candidates.append((sweep.range, x))
+        candidates.sort(key=lambda pair: -pair[0])
+        return [x for _, x in candidates[:_STARTS]]
 
     def maximised(self, starts: Sequence[FloatArray], objective: Objective) -> list[FloatArray]:
         """Optima reached from each start under the condition that the two instants coincide, the best first."""
-        found = [x for start in starts if (x := self._optimum(start, objective, coincide=True)) is not None]
-        return sorted(found, key=lambda x: -objective.value(self, x))
+        optima = [x for start in starts if (x := self._optimum(start, objective, coincide=True)) is not None]
+        return sorted(optima, key=lambda x: -objective.value(self, x))
 
     def farthest(self, start: FloatArray) -> FloatArray | None:
         """Of largest range, whatever the two instants."""
@@ -123,12 +123,12 @@ class Family:
             for _ in range(_BOXES):
                 box = (np.maximum(low, x - reach), np.minimum(high, x + reach))
                 try:
-                    found, converged = self._in_box(x, objective, coincide, box)
+                    optimum, converged = self._in_box(x, objective, coincide, box)
                 except NoThrowError:
                     reach /= 2
                     continue
-                inside = np.all((np.abs(found - x) < reach * 0.999) | (found <= low) | (found >= high))
-                x = found
+                inside = np.all((np.abs(optimum - x) < reach * 0.999) | (optimum <= low) | (optimum >= high))
+                x = optimum
                 if inside and converged:
                     break
             return self.coincident(x) if coincide else x
@@ -178,10 +178,10 @@ class Family:
         direction = direction / np.linalg.norm(direction)
 
         def delay(s: float) -> float:
-            found = self.sweep(x + s * direction)
-            if found is None:
+            swing = self.sweep(x + s * direction)
+            if swing is None:
                 raise NoThrowError
-            return found.delay(self.reading)
+            return swing.delay(self.reading)
 
         for far in (1e-4, 1e-3, 1e-2, _FARTHEST):
             if delay(-far) * delay(far) < 0:
@@ -216,11 +216,11 @@ class Family:
     def _neighbours(self, x: FloatArray, normal: FloatArray, objective: Objective) -> list[float]:
         """What the objective gains at coinciding machines a little aside, along two tangents, either way."""
         _, _, tangents = np.linalg.svd(normal[None, :])
-        here, gains = objective.value(self, x), list[float]()
+        value, gains = objective.value(self, x), list[float]()
         for direction in (*tangents[1:], *(-tangents[1:])):
             beside = self.coincident(np.clip(x + _SIDESTEP * direction, *self.box), normal)
             if beside is not None:
-                gains.append(objective.unit * (objective.value(self, beside) - here))
+                gains.append(objective.unit * (objective.value(self, beside) - value))
         return gains
 
 

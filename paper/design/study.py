@@ -74,7 +74,7 @@ def design_rolling(
 
     Raises:
         InputError: the bounds are empty or leave the arm, the given machine does not throw, or no design was found.
-        SimulationError: the reference's own integrator does not see the throw the search found.
+        SimulationError: the reference's own integrator does not reproduce the throw of the search.
     """
     began = time.perf_counter()
     p, within = parameters or TrebuchetParameters(), bounds or Bounds()
@@ -105,22 +105,22 @@ class _Search:
 
     @cached_property
     def starts(self) -> list[FloatArray]:
-        found = self.family.starts()
-        if not found:
+        starts = self.family.starts()
+        if not starts:
             raise InputError(
                 f"bounds = {self.bounds.model_dump()} hold no machine of the coarse grid that throws and has its "
                 "largest kinetic energy near its best release; wider ones are needed."
             )
-        return found
+        return starts
 
     def designs(self) -> tuple[CoincidingDesign, ...]:
         farthest = self._design(FARTHEST, self.family, RANGE, self.starts)
         given = np.ones(len(NAMES))
-        first = given if farthest is None else self.family.place(farthest.throwing.parameters)
+        first = given if farthest is None else self.family.scaled(farthest.throwing.parameters)
         nearest = self._design(NEAREST, self.family, NEARNESS, [given, first])
         at_45 = Family(self.family.parameters, self.family.beam, self.bounds, Reading.FORTY_FIVE)
-        found = (farthest, nearest, self._design(AT_45, at_45, RANGE, [first]))
-        return tuple(design for design in found if design is not None)
+        designs = (farthest, nearest, self._design(AT_45, at_45, RANGE, [first]))
+        return tuple(design for design in designs if design is not None)
 
     def unconstrained(self) -> Throwing | None:
         x = self.family.farthest(self.starts[0])
@@ -134,30 +134,30 @@ class _Search:
         if not reached:
             return None
         x = reached[0]
-        sketched, found = family.sweep(x), first_forward_swing_of(rolling(family.machine(x)), solve)
-        if sketched is None or found is None:
+        sketched, swing = family.sweep(x), first_forward_swing_of(rolling(family.machine(x)), solve)
+        if sketched is None or swing is None:
             raise SimulationError(f"the design {name!r} throws by one integrator of the reference and not by another.")
-        delay = found.delay(family.reading)
-        width = _SAFETY * abs(delay - sketched.delay(family.reading)) + float(np.spacing(found.fastest))
+        delay = swing.delay(family.reading)
+        width = _SAFETY * abs(delay - sketched.delay(family.reading)) + float(np.spacing(swing.fastest))
         return CoincidingDesign(
             name=name,
             objective="range" if objective is RANGE else "nearness",
             reading=family.reading,
-            throwing=read_throw(family.machine(x), found),
+            throwing=read_throw(family.machine(x), swing),
             difference=Quantity(value=delay, uncertainty=width, unit="s"),
             change=float(np.linalg.norm(x - 1)),
             optimality=family.conditions(x, objective, reached, len(starts)),
             warnings=throw(rolling(family.machine(x)), best=True).warnings,
-            engines=confirmed(self.engines, found, self.worker),
+            engines=confirmed(self.engines, swing, self.worker),
         )
 
 
 def _reference_throw(parameters: TrebuchetParameters, build: Callable[[TrebuchetParameters], Mechanism]) -> Throwing:
     mechanism = build(parameters)
-    found = first_forward_swing_of(mechanism, solve)
-    if found is None:
+    swing = first_forward_swing_of(mechanism, solve)
+    if swing is None:
         raise InputError(f"the {mechanism.name!r} machine to compare with does not throw in its first forward swing.")
-    return read_throw(parameters, found)
+    return read_throw(parameters, swing)
 
 
 def _refuse_bounds(bounds: Bounds, beam: float) -> None:
@@ -181,23 +181,23 @@ _STEP = 1e-4  # [s] for derivatives in time of what changes over hundredths of a
 
 
 def confirmed(
-    engines: Sequence[str], found: FirstForwardSwing, worker: Worker | None
+    engines: Sequence[str], swing: FirstForwardSwing, worker: Worker | None
 ) -> dict[str, tuple[EngineValue, ...]]:
     """Every engine's values of :data:`QUANTITIES`, in SI units and radians, with their tolerances.
 
     Args:
         engines: names; one that fails or is absent has a note instead of a value.
-        found: the design's first forward swing by the reference.
+        swing: the design's first forward swing by the reference.
         worker: the process engines run in; None: this one.
     """
-    mechanism = found.solution.problem.mechanism
-    end = max(found.launch + BEYOND_LAUNCH, found.fastest, found.best.time) + TAIL
+    mechanism = swing.solution.problem.mechanism
+    end = max(swing.launch + BEYOND_LAUNCH, swing.fastest, swing.best.time) + TAIL
     values: dict[str, list[EngineValue]] = {name: [] for name in QUANTITIES}
     for name in engines:
         run = simulated(name, mechanism, end, worker)
         note = run if isinstance(run, str) else "its motion has no such instant"
         read = {} if isinstance(run, str) else read_certified(SampledMotion(run), mechanism)
-        allowed_of = tolerances(found, allowed(engine(name), mechanism).position) if read else {}
+        allowed_of = tolerances(swing, allowed(engine(name), mechanism).position) if read else {}
         for label, quantity in QUANTITIES.items():
             value, tolerance = read.get(quantity), allowed_of.get(label)
             note_of = note if value is None else None
@@ -205,7 +205,7 @@ def confirmed(
     return {label: tuple(each) for label, each in values.items()}
 
 
-def tolerances(found: FirstForwardSwing, position: float | None) -> dict[str, float]:
+def tolerances(swing: FirstForwardSwing, position: float | None) -> dict[str, float]:
     """What an allowance of the projectile's position [m] is for each quantity, to first order.
 
     The velocity is allowed w times as much and the acceleration w^2 times, w being the rate at which the velocity
@@ -217,19 +217,19 @@ def tolerances(found: FirstForwardSwing, position: float | None) -> dict[str, fl
     """
     if position is None:
         return {}
-    projectile, best = found.projectile, found.best
-    flight = fly(best, found.surroundings)
+    projectile, best = swing.projectile, swing.best
+    flight = fly(best, swing.surroundings)
     vx, vy = flight.impact_velocity
     lands = math.hypot(1.0, vx / vy)  # a displacement at the landing to one along the ground
     rate = turning(projectile, best.time)
     velocity, acceleration = rate * position, rate**2 * position
-    late = lands * (velocity + flight.time * acceleration) / _slope(lambda t: _range_rate(found, t), best.time)
-    _, v, a = (part[0] for part in projectile.states(np.array([found.fastest])))
-    turn = turning(projectile, found.fastest)
+    late = lands * (velocity + flight.time * acceleration) / _slope(lambda t: _range_rate(swing, t), best.time)
+    _, v, a = (part[0] for part in projectile.states(np.array([swing.fastest])))
+    turn = turning(projectile, swing.fastest)
     force = float(np.linalg.norm(v)) * turn**2 * position + float(np.linalg.norm(a)) * turn * position
     along = abs(kinetic_rate(projectile, best.time)) / best.speed
     return {
-        "largest_ratio_time": force / _slope(lambda t: kinetic_rate(projectile, t), found.fastest),
+        "largest_ratio_time": force / _slope(lambda t: kinetic_rate(projectile, t), swing.fastest),
         "best_release_time": late,
         "best_release_angle": velocity / best.speed + rate * late,
         "best_release_speed": velocity + along * late,
@@ -237,8 +237,8 @@ def tolerances(found: FirstForwardSwing, position: float | None) -> dict[str, fl
     }
 
 
-def _range_rate(found: FirstForwardSwing, t: float) -> float:
-    return range_rate(found.projectile.release_at(t), found.surroundings)
+def _range_rate(swing: FirstForwardSwing, t: float) -> float:
+    return range_rate(swing.projectile.release_at(t), swing.surroundings)
 
 
 def _slope(rate: Callable[[float], float], time: float) -> float:

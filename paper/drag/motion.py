@@ -183,7 +183,7 @@ class Throwing:
 
         0 where that is so without air, infinite where it never is.
         """
-        if (early, late) not in self._known:  # neighbours on a grid are asked for under each reading of the angle
+        if (early, late) not in self._known:  # each reading of the angle needs the same neighbours on a grid
 
             def gain(drag_area: float) -> float:
                 first, second = (self.range(release, drag_area) for release in both)
@@ -241,11 +241,11 @@ def interval(low: float, high: float) -> DragInterval | None:
 
 def common(intervals: Sequence[DragInterval | None]) -> DragInterval | None:
     """What all intervals share; None where they share nothing, or one of them is empty."""
-    there = [each for each in intervals if each is not None]
-    if len(there) < len(intervals) or not there:
+    nonempty = [each for each in intervals if each is not None]
+    if len(nonempty) < len(intervals) or not nonempty:
         return None
-    low = max(each.low for each in there)
-    high = min(math.inf if each.high is None else each.high for each in there)
+    low = max(each.low for each in nonempty)
+    high = min(math.inf if each.high is None else each.high for each in nonempty)
     return interval(low, high) if low <= high else None
 
 

@@ -90,11 +90,11 @@ class DragStudy(Spec):
 
 
 def _row(name: str, printed: str) -> PrintedAngle:
-    place, number = world(name), parse(printed)
+    conditions, number = world(name), parse(printed)
     return PrintedAngle(
         world=name,
-        gravity=place.gravity,
-        density=place.density,
+        gravity=conditions.gravity,
+        density=conditions.density,
         printed=printed,
         value=math.radians(number.value),
         half=math.radians(number.half),
@@ -142,11 +142,10 @@ def drag_study(
 
 
 def _throwing(mechanism: Mechanism, row: PrintedAngle, gravity: GravityReading) -> Throwing:
-    there = mechanism
     if gravity is GravityReading.THROW_AND_FLIGHT:
-        there = mechanism.model_copy(update={"gravity": row.gravity})
-    place = World(name=row.world, gravity=row.gravity, density=row.density)
-    return Throwing(Projectile(solve_to_launch(there)), place)
+        mechanism = mechanism.model_copy(update={"gravity": row.gravity})
+    conditions = World(name=row.world, gravity=row.gravity, density=row.density)
+    return Throwing(Projectile(solve_to_launch(mechanism)), conditions)
 
 
 _Curve = tuple[list[float], list[float]]
@@ -205,8 +204,8 @@ def _reading(
 def _area(throwing: Throwing, angle: float, reading: AngleReading) -> float | None:
     """The drag area whose best release has an angle [rad]; None where there is none, or no air."""
     at = throwing.time_of(angle, reading)
-    found = math.inf if at is None else throwing.optimal_with(at)
-    return found if 0 < found < math.inf else None
+    area = math.inf if at is None else throwing.optimal_with(at)
+    return area if 0 < area < math.inf else None
 
 
 def _least_squares(rows: Sequence[tuple[Throwing, _Curve, PrintedAngle]], most: float, reading: AngleReading) -> float:
@@ -366,12 +365,12 @@ def _any_one(readings: Sequence[Reading]) -> str:
     return "no one drag area gives all printed angles under any reading, wherever a grid starts"
 
 
-def _areas(found: DragInterval | None) -> str:
-    if found is None:
+def _areas(areas: DragInterval | None) -> str:
+    if areas is None:
         return "no drag area"
-    if found.high is None:
-        return "any drag area" if found.low == 0 else f"{found.low:.4g} m^2 and more"
-    return f"{found.low:.4g} to {found.high:.4g} m^2"
+    if areas.high is None:
+        return "any drag area" if areas.low == 0 else f"{areas.low:.4g} m^2 and more"
+    return f"{areas.low:.4g} to {areas.high:.4g} m^2"
 
 
 def _degrees(angle: float) -> str:

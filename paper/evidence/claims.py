@@ -40,13 +40,13 @@ def parse(text: str) -> Printed:
     Raises:
         InputError: there is no number in it.
     """
-    found = _NUMBER.search(text)
-    if found is None:
+    match = _NUMBER.search(text)
+    if match is None:
         raise InputError(f"printed = {text!r} holds no number; one with its printed digits is needed, such as '99.4'.")
-    number = Decimal(found.group())
+    number = Decimal(match.group())
     exponent = number.as_tuple().exponent
     assert isinstance(exponent, int)  # a number of the pattern is finite
-    return Printed(text, found.group(), float(number), 0.5 * 10.0**exponent)
+    return Printed(text, match.group(), float(number), 0.5 * 10.0**exponent)
 
 
 # Sec. IV: the best release of the fixed machine.

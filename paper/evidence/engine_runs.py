@@ -80,9 +80,9 @@ class SampledMotion:
 
     def stop_torques(self, t: float) -> Mapping[str, float]:
         """Torque of every stop [N m]; NaN for one the engine does not show."""
-        shown = self.trajectory.stop_torques
+        recorded = self.trajectory.stop_torques
         return {
-            stop.name: float(np.interp(t, self.trajectory.t, shown[stop.name])) if stop.name in shown else np.nan
+            stop.name: float(np.interp(t, self.trajectory.t, recorded[stop.name])) if stop.name in recorded else np.nan
             for stop in self.trajectory.mechanism.stops
         }
 
@@ -116,7 +116,7 @@ def amplification(mechanism: Mechanism, parameters: TrebuchetParameters, until: 
         until: end of the motions [s], past all that is read.
     """
     base, path = _moved(mechanism, until)
-    found: Amplification = {}
+    ratios: Amplification = {}
     for name, value in parameters:
         changed = parameters.model_dump() | {name: value + _CHANGE * (abs(value) or 1.0)}
         values, other = _moved(model(mechanism.name, TrebuchetParameters(**changed)), until)
@@ -125,8 +125,8 @@ def amplification(mechanism: Mechanism, parameters: TrebuchetParameters, until: 
         for quantity in base.keys() & values.keys():
             ratio = abs(values[quantity] - base[quantity]) / displaced
             if math.isfinite(ratio):
-                found[quantity] = max(found.get(quantity, 0.0), ratio)
-    return found
+                ratios[quantity] = max(ratios.get(quantity, 0.0), ratio)
+    return ratios
 
 
 def _moved(mechanism: Mechanism, until: float) -> tuple[Readings, FloatArray]:
@@ -139,15 +139,15 @@ def _moved(mechanism: Mechanism, until: float) -> tuple[Readings, FloatArray]:
 def allowances(engine: Engine, mechanism: Mechanism, ours: Readings, amplified: Amplification) -> Readings:
     """The tolerance of each quantity of an engine's tuned preset; those without one behind them are left out."""
     position = _applied(engine, "position_max", mechanism, PROJECTILE)
-    found: Readings = {}
+    tolerances: Readings = {}
     if position is not None:
-        found = {quantity: position.value * ratio for quantity, ratio in amplified.items() if quantity.follows_position}
-        found[BEND] = position.value / _shortest(mechanism)
+        tolerances = {each: position.value * ratio for each, ratio in amplified.items() if each.follows_position}
+        tolerances[BEND] = position.value / _shortest(mechanism)
     for quantity in ours:
         direct = _direct(engine, mechanism, quantity, ours)
         if direct is not None:
-            found[quantity] = direct
-    return found
+            tolerances[quantity] = direct
+    return tolerances
 
 
 def _shortest(mechanism: Mechanism) -> float:
@@ -158,13 +158,13 @@ def _shortest(mechanism: Mechanism) -> float:
 
 def _direct(engine: Engine, mechanism: Mechanism, quantity: ThrowQuantity, ours: Readings) -> float | None:
     """From a tolerance of just this quantity."""
-    found = None if quantity.metric is None else _applied(engine, quantity.metric, mechanism)
-    if found is None:
+    tolerance = None if quantity.metric is None else _applied(engine, quantity.metric, mechanism)
+    if tolerance is None:
         return None
     if quantity.metric == "energy_drift":
-        return found.value if quantity.unit != "J" else found.value * abs(ours.get(TOTAL_ENERGY, math.nan))
+        return tolerance.value if quantity.unit != "J" else tolerance.value * abs(ours.get(TOTAL_ENERGY, math.nan))
     # 'per peak' is met at the start here: a closed stop's torque is largest there, or larger later.
-    return found.value * (abs(ours[quantity]) if found.stated.per else 1.0)
+    return tolerance.value * (abs(ours[quantity]) if tolerance.stated.per else 1.0)
 
 
 def _applied(engine: Engine, metric: str, mechanism: Mechanism, subject: str | None = None) -> AppliedTolerance | None:

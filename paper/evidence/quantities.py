@@ -174,7 +174,7 @@ def grid_release(step: float) -> ThrowQuantity:
     return ThrowQuantity(f"best release on a grid, {step:g} s", "s")
 
 
-_Found = Iterator[tuple[ThrowQuantity, float]]
+_Values = Iterator[tuple[ThrowQuantity, float]]
 
 
 def read(motion: Motion, trajectory: Trajectory) -> Readings:
@@ -184,10 +184,10 @@ def read(motion: Motion, trajectory: Trajectory) -> Readings:
         motion: the continuous motion.
         trajectory: the same motion at times of its own, a little past the launch at least.
     """
-    found = read_certified(motion, trajectory.mechanism)
+    readings = read_certified(motion, trajectory.mechanism)
     for part in (_of_the_launch, _of_the_counterweight, _of_the_best_release, _of_the_arm):
-        found |= dict(part(motion, trajectory, found))
-    return found | dict(_along(motion, trajectory)) | dict(_shapes(trajectory))
+        readings |= dict(part(motion, trajectory, readings))
+    return readings | dict(_along(motion, trajectory)) | dict(_shapes(trajectory))
 
 
 def read_certified(motion: Motion, mechanism: Mechanism) -> Readings:
@@ -198,7 +198,7 @@ def read_certified(motion: Motion, mechanism: Mechanism) -> Readings:
     return {certified(key): value for key, value in read_quantities(motion, plan).items()}
 
 
-def _of_the_launch(motion: Motion, trajectory: Trajectory, found: Readings) -> _Found:
+def _of_the_launch(motion: Motion, trajectory: Trajectory, readings: Readings) -> _Values:
     if motion.launch is None:
         return
     time, mechanism = motion.launch.time, trajectory.mechanism
@@ -209,9 +209,9 @@ def _of_the_launch(motion: Motion, trajectory: Trajectory, found: Readings) -> _
     yield POTENTIAL_ENERGY, float(Kinematics(mechanism).potential_energy(q))
     if mechanism.slides:
         yield PIVOT_SPEED, float(u[-1])
-    best = found.get(BEST_RANGE)
+    best = readings.get(BEST_RANGE)
     if best is not None:
-        yield RANGE_GAIN, best - found[RANGE]
+        yield RANGE_GAIN, best - readings[RANGE]
     for step in (TIME_STEP, CAPTION_STEP):
         yield grid_release(step), _best_on_grid(motion, mechanism.gravity, time, step)
 
@@ -232,7 +232,7 @@ def _best_on_grid(motion: Motion, gravity: float, launch: float, step: float) ->
     return times[int(np.nanargmax(ranges))]
 
 
-def _of_the_counterweight(motion: Motion, trajectory: Trajectory, found: Readings) -> _Found:
+def _of_the_counterweight(motion: Motion, trajectory: Trajectory, readings: Readings) -> _Values:
     if motion.launch is None:
         return
     end = motion.launch.time
@@ -256,8 +256,8 @@ def _turn(motion: Motion, start: float, end: float) -> float:
     return float(brentq(sideways, start, end, xtol=1e-15)) if sideways(start) * sideways(end) < 0 else start
 
 
-def _of_the_best_release(motion: Motion, trajectory: Trajectory, found: Readings) -> _Found:
-    time = found.get(BEST_TIME)
+def _of_the_best_release(motion: Motion, trajectory: Trajectory, readings: Readings) -> _Values:
+    time = readings.get(BEST_TIME)
     if time is None:
         return
     mechanism = trajectory.mechanism
@@ -269,13 +269,13 @@ def _of_the_best_release(motion: Motion, trajectory: Trajectory, found: Readings
     # Absolute angles are positive clockwise, so that the sling points along (cos phi, -sin phi).
     forward = math.atan2(vy, vx) + float(along)
     yield TO_SLING, abs(math.remainder(forward, 2 * math.pi))
-    if FASTEST_TIME in found:
-        vx, vy = motion.marker(PROJECTILE, found[FASTEST_TIME])[1]
+    if FASTEST_TIME in readings:
+        vx, vy = motion.marker(PROJECTILE, readings[FASTEST_TIME])[1]
         yield FASTEST_ANGLE, math.atan2(vy, vx)
-        yield FASTEST_DELAY, found[FASTEST_TIME] - time
+        yield FASTEST_DELAY, readings[FASTEST_TIME] - time
 
 
-def _of_the_arm(motion: Motion, trajectory: Trajectory, found: Readings) -> _Found:
+def _of_the_arm(motion: Motion, trajectory: Trajectory, readings: Readings) -> _Values:
     """When the arm comes to where its stop is: the paper's third constraint."""
     if motion.launch is None or ARM_STOP not in {stop.name for stop in trajectory.mechanism.stops}:
         return
@@ -294,7 +294,7 @@ def _of_the_arm(motion: Motion, trajectory: Trajectory, found: Readings) -> _Fou
         yield ARM_DELAY, -math.inf
 
 
-def _along(motion: Motion, trajectory: Trajectory) -> _Found:
+def _along(motion: Motion, trajectory: Trajectory) -> _Values:
     """Largest departures on the way to the launch, from what should not change at all."""
     end = trajectory.t[-1] if motion.launch is None else motion.launch.time
     energy = trajectory.total_energy[trajectory.t <= end]
@@ -324,7 +324,7 @@ def fit(t: FloatArray, values: FloatArray, degree: int) -> Fit | None:
     return Fit(polynomial, 1.0 - float(np.mean((values - polynomial(t)) ** 2)) / variance)
 
 
-def _shapes(trajectory: Trajectory) -> _Found:
+def _shapes(trajectory: Trajectory) -> _Values:
     """How the torques of the stops closed at the start run, up to the first release and between the releases."""
     closed = [stop.name for stop in trajectory.mechanism.stops if stop.closed and stop.name in trajectory.stop_torques]
     released = {name: time for name in closed if (time := trajectory.release_times.get(name)) is not None}
@@ -342,7 +342,7 @@ def _samples(trajectory: Trajectory, name: str, start: float, end: float) -> tup
     return trajectory.t[inside], trajectory.stop_torque(name)[inside]
 
 
-def _before_release(trajectory: Trajectory, name: str, end: float) -> _Found:
+def _before_release(trajectory: Trajectory, name: str, end: float) -> _Values:
     t, torque = _samples(trajectory, name, 0.0, end)
     fitted = fit(t, torque, 2)
     if fitted is not None:
@@ -350,7 +350,7 @@ def _before_release(trajectory: Trajectory, name: str, end: float) -> _Found:
         yield climb(name), float(np.max(torque - np.minimum.accumulate(torque))) / abs(float(torque[0]))
 
 
-def _between_releases(trajectory: Trajectory, name: str, start: float, end: float) -> _Found:
+def _between_releases(trajectory: Trajectory, name: str, start: float, end: float) -> _Values:
     before = fit(*_samples(trajectory, name, 0.0, start), 2)
     after = fit(*_samples(trajectory, name, start, end), 1)
     if before is not None and after is not None:

@@ -119,15 +119,15 @@ def _uncertainties(mechanism: Mechanism, ours: Readings, until: float) -> Readin
     """Of the certificate where it has them; else four times what a coarser integration changes, and rounding."""
     coarse = solve(Problem(mechanism, duration=until), _COARSE, _COARSE)
     other = read(MinimalMotion(coarse), coarse.trajectory(np.linspace(0.0, until, _SAMPLES)))
-    found = {
+    widths = {
         quantity: _SAFETY * abs(value - other[quantity]) + _ROUNDING * abs(value)
         for quantity, value in ours.items()
         if quantity in other
     }
     certificate = load_certificate(mechanism)
     for figure in certificate.figures if certificate else ():
-        found[certified(Key(figure.name, figure.subject, figure.at, figure.unit))] = figure.uncertainty
-    return found | _carried_over(found)
+        widths[certified(Key(figure.name, figure.subject, figure.at, figure.unit))] = figure.uncertainty
+    return widths | _carried_over(widths)
 
 
 def _carried_over(widths: Readings, noticed: float = 0.0) -> Readings:
@@ -139,8 +139,8 @@ def _carried_over(widths: Readings, noticed: float = 0.0) -> Readings:
         widths: under the paper's law.
         noticed: how much later than it happens the blow may be noticed [s].
     """
-    found = {quantity.under(StopLaw.UNILATERAL): width for quantity, width in widths.items()}
-    return found | {FIRST_BLOW: widths[ARM_ARRIVAL] + noticed} if ARM_ARRIVAL in widths else found
+    unilateral = {quantity.under(StopLaw.UNILATERAL): width for quantity, width in widths.items()}
+    return unilateral | {FIRST_BLOW: widths[ARM_ARRIVAL] + noticed} if ARM_ARRIVAL in widths else unilateral
 
 
 def _by(runner: Engine, mechanism: Mechanism, until: float, worker: Worker) -> EngineThrow:
@@ -148,8 +148,8 @@ def _by(runner: Engine, mechanism: Mechanism, until: float, worker: Worker) -> E
         trajectory = worker.simulate(runner, Problem(mechanism, duration=until))
         return EngineThrow(runner.name, read(SampledMotion(trajectory), trajectory), trajectory=trajectory)
 
-    found = attempted(run)
-    return EngineThrow(runner.name, note=found) if isinstance(found, str) else found
+    result = attempted(run)
+    return EngineThrow(runner.name, note=result) if isinstance(result, str) else result
 
 
 def _finished(
@@ -185,14 +185,14 @@ def _read_with_arm_stop(motion: Motion, trajectory: Trajectory) -> tuple[Reading
     An engine that resolves the blow as an impact gives its instant; one that only shows that the stop pushes gives the
     sample after it.
     """
-    found: Readings = {}
+    readings: Readings = {}
     if motion.launch is not None:
-        found[LAUNCH_TIME] = motion.launch.time
-        found[LAUNCH_SPEED] = motion.launch.speed
-        found[RANGE] = vacuum_range(motion, trajectory.mechanism.gravity, motion.launch.time)
-    found = {quantity.under(StopLaw.UNILATERAL): value for quantity, value in found.items()}
+        readings[LAUNCH_TIME] = motion.launch.time
+        readings[LAUNCH_SPEED] = motion.launch.speed
+        readings[RANGE] = vacuum_range(motion, trajectory.mechanism.gravity, motion.launch.time)
+    readings = {quantity.under(StopLaw.UNILATERAL): value for quantity, value in readings.items()}
     blow, noticed = _first_blow(trajectory)
-    return found | ({} if blow is None else {FIRST_BLOW: blow}), noticed
+    return readings | ({} if blow is None else {FIRST_BLOW: blow}), noticed
 
 
 def _first_blow(trajectory: Trajectory) -> tuple[float | None, float]:

@@ -162,14 +162,14 @@ def distinguishable(
     return Judgement(Verdict.FAILS, rule, _why(fact, causes), 1.0)
 
 
-def occurs(found: bool, what: str, causes: Iterable[Cause] = ()) -> Judgement:
+def occurs(occurred: bool, what: str, causes: Iterable[Cause] = ()) -> Judgement:
     """A fact: it was found in our computations, or it was not.
 
     Args:
         what: the fact in words, for the rule and the sentence.
     """
     rule = f"found in our computations: {what}"
-    if found:
+    if occurred:
         return Judgement(Verdict.HOLDS, rule)
     return Judgement(Verdict.FAILS, rule, _why(f"not found: {what}", causes), 1.0)
 
@@ -268,10 +268,10 @@ class Row:
         self, ours: Quantity | None, engines: tuple[EngineValue, ...] = (), judgement: Judgement | None = None
     ) -> Claim:
         """The claim of our value."""
-        found = judgement or self.judge
-        if not isinstance(found, Judgement):
+        result = judgement or self.judge
+        if not isinstance(result, Judgement):
             assert ours is not None, f"{self.name}: a rule needs a value"
-            found = found(ours, str(self.printed))
+            result = result(ours, str(self.printed))
         return Claim(
             name=self.name,
             where=self.where,
@@ -280,10 +280,10 @@ class Row:
             machine=self.machine,
             ours=ours,
             engines=engines,
-            rule=found.rule,
-            verdict=found.verdict,
-            why=found.why,
-            departure=found.departure,
+            rule=result.rule,
+            verdict=result.verdict,
+            why=result.why,
+            departure=result.departure,
         )
 
 

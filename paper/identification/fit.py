@@ -79,8 +79,8 @@ def _least_squares(headlines: Headlines, start: FloatArray, columns: list[int]) 
         return headlines.jacobian(angles(values))[fitted][:, columns] * _PER_HALF
 
     # Levenberg and Marquardt's method walks the curved valley, some 300 times as long as wide, in the fewest steps.
-    found: Any = least_squares(residuals, start[columns], jacobian, method="lm", xtol=1e-9, ftol=1e-10, gtol=1e-9)
-    return angles(found.x), np.asarray(found.jac, dtype=np.float64), 2 * float(found.cost)
+    solution: Any = least_squares(residuals, start[columns], jacobian, method="lm", xtol=1e-9, ftol=1e-10, gtol=1e-9)
+    return angles(solution.x), np.asarray(solution.jac, dtype=np.float64), 2 * float(solution.cost)
 
 
 def _covariance(slopes: FloatArray, free: Sequence[str]) -> FloatArray:
@@ -113,9 +113,9 @@ def _centre(headlines: Headlines, at: FloatArray, columns: list[int], slopes: Fl
         minus = -np.ones((len(misses), 1))
         rows = np.block([[slopes, minus], [-slopes, minus]])
         bounds = [(-_STEP, _STEP)] * len(columns) + [(0.0, None)]
-        found: Any = linprog(cost, rows, np.concatenate([-misses, misses]), bounds=bounds)
+        solution: Any = linprog(cost, rows, np.concatenate([-misses, misses]), bounds=bounds)
         further = best.copy()
-        further[columns] += found.x[:-1]
+        further[columns] += solution.x[:-1]
         miss = float(np.abs(headlines.misses(further)).max())
         if miss >= worst - _SETTLED:
             break
@@ -124,12 +124,12 @@ def _centre(headlines: Headlines, at: FloatArray, columns: list[int], slopes: Fl
 
 
 def _extents(headlines: Headlines, centre: FloatArray, columns: list[int], slopes: FloatArray) -> tuple[Extent, ...]:
-    found: list[Extent] = []
+    extents: list[Extent] = []
     for k, column in enumerate(columns):
         (low, ends_low), (high, ends_high) = (
             _end(headlines, centre, columns, slopes, sign * np.eye(len(columns))[k]) for sign in (-1, 1)
         )
-        found.append(
+        extents.append(
             Extent(
                 angle=ANGLES[column],
                 low=float(low[column]),
@@ -138,7 +138,7 @@ def _extents(headlines: Headlines, centre: FloatArray, columns: list[int], slope
                 ends_high=ends_high,
             )
         )
-    return tuple(found)
+    return tuple(extents)
 
 
 def _end(
@@ -163,8 +163,8 @@ def _end(
 def _program(misses: FloatArray, slopes: FloatArray, towards: FloatArray) -> FloatArray:
     """The step that goes farthest and keeps |misses + slopes step| <= 1."""
     rows, room = np.vstack([slopes, -slopes]), np.concatenate([1 - misses, 1 + misses])
-    found: Any = linprog(-towards, rows, room, bounds=[(-_STEP, _STEP)] * len(towards))
-    return np.zeros(len(towards)) if found.x is None else np.asarray(found.x, dtype=np.float64)
+    solution: Any = linprog(-towards, rows, room, bounds=[(-_STEP, _STEP)] * len(towards))
+    return np.zeros(len(towards)) if solution.x is None else np.asarray(solution.x, dtype=np.float64)
 
 
 def conditioning(slopes: FloatArray, names: Sequence[str]) -> Conditioning:
@@ -189,12 +189,12 @@ def left_out(headlines: Headlines, at: FloatArray) -> tuple[Left, ...]:
     misses, slopes = headlines.misses(at), headlines.jacobian(at)
     whole = _linear_widths(misses, slopes)
     every = np.arange(len(misses))
-    found: list[Left] = []
+    growths: list[Left] = []
     for i, quantity in enumerate(headlines.printed):
         without = _linear_widths(misses[every != i], slopes[every != i])
         growth = [w / known if w and known else None for w, known in zip(without, whole, strict=True)]
-        found.append(Left(name=quantity.name, growth=tuple(growth)))
-    return tuple(found)
+        growths.append(Left(name=quantity.name, growth=tuple(growth)))
+    return tuple(growths)
 
 
 def _linear_widths(misses: FloatArray, slopes: FloatArray) -> list[float | None]:

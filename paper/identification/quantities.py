@@ -268,8 +268,8 @@ class Headlines:
         """
         key = (float(angles[0]), float(angles[1]), float(angles[2]))
         if key not in self._known:
-            found = computed(self.parameters, key, self.release_time)
-            self._known[key] = np.array([(found[f.name] - f.value) / f.half for f in self.printed])
+            values = computed(self.parameters, key, self.release_time)
+            self._known[key] = np.array([(values[f.name] - f.value) / f.half for f in self.printed])
         return self._known[key]
 
     def jacobian(self, angles: Start, step: float = 1e-5) -> FloatArray:

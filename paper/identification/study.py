@@ -118,17 +118,17 @@ class _Search:
     def _costs(self, starts: FloatArray) -> FloatArray:
         """Root mean square misses of the fixed machine alone, at every start that has an alpha0."""
         costs = np.full(starts.shape[:-1], np.inf)
-        there = np.isfinite(starts[..., 2])
-        misses = self._fixed_misses(starts[there])
-        costs[there] = np.sqrt(np.mean(misses**2, axis=1))
+        feasible = np.isfinite(starts[..., 2])
+        misses = self._fixed_misses(starts[feasible])
+        costs[feasible] = np.sqrt(np.mean(misses**2, axis=1))
         return costs
 
     def _fixed_misses(self, starts: FloatArray) -> FloatArray:
         """Of time, phi, speed and R, shape (n, 4)."""
         builds = [fixed(self._started(start)) for start in starts.tolist()]
         time, phi, speed = self._launches(builds, self.printed[RELEASE].value + _BEYOND)
-        found = {RELEASE: time, PHI: phi, SPEED: speed, R_FIXED: self._ratio(starts, speed)}
-        return np.stack([self._miss(self.printed[name], value) for name, value in found.items()], axis=1)
+        values = {RELEASE: time, PHI: phi, SPEED: speed, R_FIXED: self._ratio(starts, speed)}
+        return np.stack([self._miss(self.printed[name], value) for name, value in values.items()], axis=1)
 
     def _started(self, angles: Sequence[float]) -> TrebuchetParameters:
         return self.parameters.model_copy(update=dict(zip(ANGLES, angles, strict=True)))
@@ -138,11 +138,11 @@ class _Search:
         from ...reference.taylor.batch import launch_batch  # heyoka takes a second to import
 
         self.machines += len(builds)
-        found = launch_batch(builds, duration=until)
+        batch = launch_batch(builds, duration=until)
         late = np.clip(
-            self.printed[RELEASE].value - found.time, -TIME_STEP, TIME_STEP
+            self.printed[RELEASE].value - batch.time, -TIME_STEP, TIME_STEP
         )  # a step or two: there phi is a straight line
-        return found.time, np.degrees(found.q[:, 1] + found.u[:, 1] * late), found.speed
+        return batch.time, np.degrees(batch.q[:, 1] + batch.u[:, 1] * late), batch.speed
 
     def _ratio(self, starts: FloatArray, speed: FloatArray) -> FloatArray:
         p, (theta, phi, alpha) = self.parameters, starts.T
@@ -169,10 +169,10 @@ class _Search:
         n, until = len(starts), _PATIENCE * self.printed[RELEASE].value
         time, phi, speed = self._launches(alike, until)
         _, _, rolling_speed = self._launches([trio[1] for trio in trios], until)
-        found = (
+        values = (
             time[:n], phi[:n], speed[:n], self._ratio(starts, speed[:n]), self._ratio(starts, rolling_speed), speed[n:],
         )  # fmt: skip
-        return np.stack([self._miss(self.printed[k], v) for k, v in zip(NEEDED, found, strict=True)], axis=1)
+        return np.stack([self._miss(self.printed[k], v) for k, v in zip(NEEDED, values, strict=True)], axis=1)
 
     def _refined(self, start: FloatArray) -> FloatArray:
         def misses(x: FloatArray) -> FloatArray:
@@ -186,12 +186,12 @@ class _Search:
         # Soft, so that a start far off is not led by the one figure that is printed with most digits.
         solver: Callable[..., Any] = least_squares
         near = (start - _NEAR, start + _NEAR)
-        found = solver(misses, start, jacobian, near, x_scale="jac", loss="soft_l1", max_nfev=25, xtol=1e-6, ftol=1e-6)
-        return np.asarray(found.x, dtype=np.float64)
+        fitted = solver(misses, start, jacobian, near, x_scale="jac", loss="soft_l1", max_nfev=25, xtol=1e-6, ftol=1e-6)
+        return np.asarray(fitted.x, dtype=np.float64)
 
-    def _distinct(self, found: Sequence[FloatArray]) -> tuple[Minimum, ...]:
+    def _distinct(self, minima: Sequence[FloatArray]) -> tuple[Minimum, ...]:
         kept: list[tuple[FloatArray, int]] = []
-        for angles in found:
+        for angles in minima:
             same = [i for i, (other, _) in enumerate(kept) if np.abs(angles - other).max() < _SAME]
             if same:
                 kept[same[0]] = (kept[same[0]][0], kept[same[0]][1] + 1)
@@ -369,9 +369,9 @@ def _round_findings(rounds: Sequence[Round], single: Angles | None) -> Iterator[
         return
     alone = [r for r in rounds if len(r.compatible) == 1]
     coarse, fine = alone[0].divisions, max(r.divisions for r in alone)
-    shown = ", ".join(f"{math.degrees(angle):g}" for angle in single)
+    degrees = ", ".join(f"{math.degrees(angle):g}" for angle in single)
     yield (
-        f"among multiples of pi / {coarse} it holds one point, ({shown}) deg, and no other among multiples of "
+        f"among multiples of pi / {coarse} it holds one point, ({degrees}) deg, and no other among multiples of "
         f"{180 / fine:g} deg"
     )
 

@@ -30,14 +30,14 @@ _TABLE, _SEC = "Table II", "Sec. IV, Table II"
 _CLOSE = 5.0  # [deg]: 'close to 45' asks for five
 
 
-def start_rows(found: Identification) -> Iterator[Row]:
+def start_rows(identification: Identification) -> Iterator[Row]:
     """On the start angles, which the paper does not print."""
-    fit = found.fit
+    fit = identification.fit
     miss = f"the best of all starts still misses one by {fit.least_worst:.3g} half digits"
     yield Row(
         "printed figures are of one start",
         "Secs. IV to VI",
-        f"{len(found.printed)} figures",
+        f"{len(identification.printed)} figures",
         "least that the worst miss of all printed figures can be made by the start angles",
         Quantity(value=fit.least_worst, unit="half digits"),
         occurs(
@@ -75,8 +75,8 @@ def drag_rows(study: DragStudy, evidence: Evidence) -> Iterator[Row]:
 
 def _reading(study: DragStudy) -> Reading:
     """As the table's words have it: the velocity's angle, g changed throughout; the first one if there is no such."""
-    wanted = (AngleReading.VELOCITY, GravityReading.THROW_AND_FLIGHT)
-    return next((r for r in study.readings if (r.angle, r.gravity) == wanted), study.readings[0])
+    printed_reading = (AngleReading.VELOCITY, GravityReading.THROW_AND_FLIGHT)
+    return next((r for r in study.readings if (r.angle, r.gravity) == printed_reading), study.readings[0])
 
 
 def _printed(study: DragStudy, world: str) -> PrintedAngle:
@@ -121,8 +121,8 @@ def _grid(reading: Reading, fit: WorldFit) -> Grid | None:
     if not reading.grids:
         return None
     grid = min(reading.grids, key=lambda each: each.step)
-    found = next((each for each in grid.worlds if each.world == fit.world), None)
-    points: list[GridPoint] = [] if found is None else [found.nearest, *found.beside]
+    world = next((each for each in grid.worlds if each.world == fit.world), None)
+    points: list[GridPoint] = [] if world is None else [world.nearest, *world.beside]
     near = {p.time: math.degrees(p.angle) for p in points if abs(p.time - fit.vacuum_time) <= grid.step * (1 + 1e-9)}
     return Grid(f"{grid.step:g} s", tuple(sorted(near.items()))) if near else None
 

@@ -35,7 +35,7 @@ _ROUNDING = 1e-12  # of sums of a few terms, relative: a thousand times what the
 _ALMOST = 10.0  # [deg]: 'almost' asks for ten
 _MASS_SCALE, _LENGTH_SCALE = 10_000.0, 50.0  # Table I over the model that was measured
 _SCALED = 1e-9  # relative, of quantities of two integrations at a relative tolerance of 1e-13 over a throw
-_STATES, _SEED = 64, 1  # random states, angles all round: energies that agree there agree
+_STATES, _SEED = 64, 1  # random states, with angles all round: energies that agree in all of them are taken as equal
 _SPEEDS = 3.0  # [rad/s, m/s] standard deviation of the random speeds
 
 Energies = Callable[[TrebuchetParameters, FloatArray, FloatArray], tuple[float, float]]
@@ -206,7 +206,7 @@ def _energies(evidence: Evidence) -> Iterator[Row]:
 def largest_difference(mechanism: Mechanism, p: TrebuchetParameters, of: Energies) -> float:
     """Of a mechanism's kinetic and potential energy from the paper's, relative to their sum, in random states."""
     equations, random = Equations(mechanism), np.random.default_rng(_SEED)
-    n, found = len(mechanism.coordinates), list[float]()
+    n, differences = len(mechanism.coordinates), list[float]()
     for _ in range(_STATES):
         q, u = random.uniform(-np.pi, np.pi, n), random.normal(0.0, _SPEEDS, n)
         ours = (
@@ -214,8 +214,8 @@ def largest_difference(mechanism: Mechanism, p: TrebuchetParameters, of: Energie
             float(equations.kinematics.potential_energy(q)),
         )
         # Relative to the sum of both: a potential energy may be zero by chance.
-        found += [abs(a - b) / (abs(ours[0]) + abs(ours[1])) for a, b in zip(of(p, q, u), ours, strict=True)]
-    return max(found)
+        differences += [abs(a - b) / (abs(ours[0]) + abs(ours[1])) for a, b in zip(of(p, q, u), ours, strict=True)]
+    return max(differences)
 
 
 def fixed_energies(p: TrebuchetParameters, q: FloatArray, u: FloatArray) -> tuple[float, float]:

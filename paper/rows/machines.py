@@ -19,7 +19,7 @@ from ..evidence.verdicts import ROLLING, Cause, Judgement, Row, at_least, positi
 
 _MUCH = 2.0  # 'much more' asks for twice
 _ALL = 0.99  # 'the full energy' asks for all but a hundredth
-_COINCIDING = 1e-6  # [s] the two instants of a design are asked to coincide to
+_COINCIDING = 1e-6  # [s] allowed difference of the two instants of a design
 
 
 def efficiency_rows(machines: Machines) -> Iterator[Row]:

@@ -58,26 +58,26 @@ def rows(sweep: Sweep, evidence: Evidence) -> Iterator[Row]:
 
 
 def _rising(sweep: Sweep) -> Cause:
-    peak, there = sweep.peak, sweep.position(BEST_L1.value)
+    peak, at_printed = sweep.peak, sweep.position(BEST_L1.value)
     return Cause(
-        there is not None and there.speed is not None and peak.speed.value > there.speed.value,
+        at_printed is not None and at_printed.speed is not None and peak.speed.value > at_printed.speed.value,
         f"the speed goes on rising to {peak.speed.value:.2f} m/s at l1 = {peak.l1.value:.2f} m, "
         f"a lever ratio of {peak.lever_ratio:.2f}:1",
     )
 
 
 def _peak(sweep: Sweep, rising: Cause) -> Iterator[Row]:
-    peak, there, judge = sweep.peak, sweep.position(BEST_L1.value), partial(as_printed, causes=[rising])
-    if there is not None and there.speed is not None:
+    peak, at_printed, judge = sweep.peak, sweep.position(BEST_L1.value), partial(as_printed, causes=[rising])
+    if at_printed is not None and at_printed.speed is not None:
         yield Row(
             "launch speed at l1 = 9.91",
             _FIG,
             BEST_SPEED,
             "speed when the velocity is at 45 deg",
-            there.speed,
+            at_printed.speed,
             as_printed,
             FIXED,
-            there.engines,
+            at_printed.engines,
         )
     quantity = "l1 of the largest launch speed"
     yield Row("place of the largest launch speed", _FIG, BEST_L1, quantity, peak.l1, judge, FIXED)
@@ -177,8 +177,8 @@ def _below(sweep: Sweep) -> Iterator[Row]:
         FIXED,
     )
     inside = l1 < limit
-    found = fit(l1[inside], speed[inside], 2)
-    if found is None:
+    parabola = fit(l1[inside], speed[inside], 2)
+    if parabola is None:
         return
     thrown = Cause(
         int(inside.sum()) == sum(x < limit for x in sweep.curve.l1),
@@ -190,7 +190,7 @@ def _below(sweep: Sweep) -> Iterator[Row]:
         _FIG,
         "no trend",
         "R² of a parabola through the curve there",
-        Quantity(value=found.determination, unit=""),
+        Quantity(value=parabola.determination, unit=""),
         lambda q, _: at_most(q, _TRENDLESS, "what accounts for nine tenths of the variance is a trend", [thrown]),
         FIXED,
     )

@@ -37,11 +37,11 @@ _EARLY = (9.0, 9.5, 9.89, 10.0, 11.0)  # [m] either side of the paper's threshol
 _LATE = (8.6, 9.0, 9.4, 9.8)  # [m] below it
 SPANS = 2.5
 """How long a launch is looked for, in the machine's characteristic times: Table I launches after 1.5 of them."""
-_WATCHED = 600  # times at which torques are watched: some 7 ms apart on Table I
+_WATCHED = 600  # samples of the torques: a spacing of some 7 ms on Table I
 _DOP853 = 1e-12  # local error where heyoka is not installed: its batch's own default
 _ITERATIONS = 50  # Newton's method doubles its digits in each: whatever has not ended by then wanders
 _FOUND = 1e-9  # [s] of the last step
-_SAME = 1e-6  # [s] zeros are seconds apart
+_SAME = 1e-6  # [s] largest difference of one zero found twice; distinct zeros differ by seconds
 _BETWEEN = (0.1, 1.0)  # [s] a matching guess is looked for between these
 _SCAN = 1e-3  # [s] for crossings of the 45 deg line
 _AFTER = 5.0  # [s] of motion looked at after the hanger's late release
@@ -89,7 +89,7 @@ class EarlyCrossing(Spec):
 class Artefact(Spec):
     """Whether ways to compute it wrongly account for what the paper shows below its threshold, and at single points.
 
-    Nothing of the paper's program is published: what is found here can only be compatible with it.
+    Nothing of the paper's program is published: these results can only be compatible with it.
     """
 
     threshold: Real = Field(description="printed [m]")
@@ -105,8 +105,8 @@ def release_once(mechanisms: Sequence[Mechanism]) -> tuple[FloatArray, FloatArra
     """Times [s] and speeds [m/s] of the launches under the release-once law, NaN where there is none; each (n,)."""
     duration = SPANS * max(characteristic_time(mechanism) for mechanism in mechanisms)
     if importlib.util.find_spec("heyoka") is not None:
-        found = launch_batch(mechanisms, duration)
-        return found.time, found.speed
+        batch = launch_batch(mechanisms, duration)
+        return batch.time, batch.speed
     launches = [solve(Problem(mechanism, duration=duration), _DOP853, _DOP853).launch for mechanism in mechanisms]
     times = np.array([np.nan if launch is None else launch.time for launch in launches])
     return times, np.array([np.nan if launch is None else launch.speed for launch in launches])
@@ -131,8 +131,8 @@ def bilateral(rigid: RigidSwing) -> Solution:
     if first is not None:
         releases[first] = now
     solution = solve_scheduled(problem, releases)
-    while found := first_zero(solution, [name for name, time in releases.items() if time is None], now):
-        now, name = found
+    while event := first_zero(solution, [name for name, time in releases.items() if time is None], now):
+        now, name = event
         releases[name] = now
         solution = solve_scheduled(problem, releases)
     return solution
@@ -142,13 +142,13 @@ def first_zero(solution: Solution, held: Sequence[str], after: float) -> tuple[f
     """When the torque of a held stop first comes to zero later than `after` [s], and which it is."""
     times = np.linspace(after, solution.problem.duration, _WATCHED)[1:]
     torques = solution.motion(times).stop_torques
-    found: list[tuple[float, str]] = []
+    zeros: list[tuple[float, str]] = []
     for name in held:
         changes = np.flatnonzero(np.diff(np.sign(torques[name])) != 0)
         if len(changes):
             before, behind = times[changes[0] : changes[0] + 2]
-            found.append((_zero(solution, name, float(before), float(behind)), name))
-    return min(found, default=None)
+            zeros.append((_zero(solution, name, float(before), float(behind)), name))
+    return min(zeros, default=None)
 
 
 def _zero(solution: Solution, name: str, before: float, behind: float) -> float:
@@ -165,11 +165,11 @@ class Searches:
     l1: FloatArray
     rigids: tuple[RigidSwing, ...]
 
-    def search(self, guess: float, wanted: Sequence[float]) -> RootSearch:
+    def search(self, guess: float, checked: Sequence[float]) -> RootSearch:
         """From one guess [s] everywhere.
 
         Args:
-            wanted: l1 of places whose success is wanted one by one [m].
+            checked: l1 of positions whose success is reported one by one [m].
         """
         first, later = self._ends(guess)
         missed = np.flatnonzero(~first)
@@ -180,7 +180,7 @@ class Searches:
             lowest=float(self.l1[lowest]) if lowest < len(self.l1) else None,
             later_zero=int(later[below].sum()),
             no_zero=int((~first & ~later)[below].sum()),
-            fails_at=tuple(x for x in wanted if not first[int(np.argmin(np.abs(self.l1 - x)))]),
+            fails_at=tuple(x for x in checked if not first[int(np.argmin(np.abs(self.l1 - x)))]),
         )
 
     def matching_guess(self, threshold: float) -> float | None:
@@ -267,16 +267,16 @@ def crossings(solution: Solution, start: float, end: float) -> list[tuple[float,
     """Times [s] and signed speeds [m/s] of the velocity on the 45 deg line, to a millisecond."""
     times = np.linspace(start, end, max(3, int((end - start) / _SCAN)))[1:]
     velocity = solution.trajectory(times).marker(PROJECTILE).velocity
-    found = np.flatnonzero(np.diff(np.sign(lead(velocity))) != 0)
+    changes = np.flatnonzero(np.diff(np.sign(lead(velocity))) != 0)
     along = np.sign(velocity[:, 0]) * np.hypot(velocity[:, 0], velocity[:, 1])
-    return [(float(times[i]), float(along[i])) for i in found]
+    return [(float(times[i]), float(along[i])) for i in changes]
 
 
 def artefact(rigid: Callable[[float], RigidSwing], start: float, end: float, change: float | None) -> Artefact:
     """Faulty searches along the beam, and what follows from their wrong zeros.
 
     Args:
-        rigid: the machine at a place, its rests held.
+        rigid: the machine with its fulcrum at l1 [m], its rests held.
         start, end: of the places swept [m].
         change: where the hanger's rest would begin to have to pull [m]; None: nowhere.
     """
@@ -285,13 +285,13 @@ def artefact(rigid: Callable[[float], RigidSwing], start: float, end: float, cha
     places = Searches(l1, tuple(rigid(float(x)) for x in l1))
     guess = places.matching_guess(BACKWARD_L1.value)
     late = [wrong_zero(rigid(x)) for x in _LATE if start <= x <= last]
-    early = [found for x in _EARLY if start <= x <= end for found in early_crossings(rigid(x))]
+    early = [zero for x in _EARLY if start <= x <= end for zero in early_crossings(rigid(x))]
     return Artefact(
         threshold=BACKWARD_L1.value,
         step=PAPER_GRID,
         searches=tuple(places.search(each, (ZERO_L1.value,)) for each in _GUESSES),
         matching_guess=guess,
         matching_search=None if guess is None else places.search(guess, (ZERO_L1.value,)),
-        wrong_zeros=tuple(found for found in late if found is not None),
+        wrong_zeros=tuple(zero for zero in late if zero is not None),
         early_crossings=tuple(early),
     )

@@ -83,13 +83,13 @@ class RigidSwing:
     def point_acceleration(self, body: str) -> tuple[float, float]:
         """Of a body's centre at the start, x and y [m/s^2]."""
         z = self._centres[[b.name for b in self.mechanism.bodies].index(body)]
-        found = -1j * self.acceleration * z
-        return found.real, found.imag
+        acceleration = -1j * self.acceleration * z
+        return acceleration.real, acceleration.imag
 
     def rest_torque(self, stop: str) -> tuple[float, complex]:
         """A and w of a rest's torque a + Re(w e^{-i d}) [N m]; of a body that hangs on the arm and carries none."""
-        found, g = next(each for each in self.mechanism.angle_stops if each.name == stop), self.parameters.g
-        index = [body.name for body in self.mechanism.bodies].index(found.body)
+        rest, g = next(each for each in self.mechanism.angle_stops if each.name == stop), self.parameters.g
+        index = [body.name for body in self.mechanism.bodies].index(rest.body)
         body, z = self.mechanism.bodies[index], self._centres[index]
         # d z / d angle of the body alone, its own pin at rest; Newton's law along it: sense * torque = m Re(conj(along)
         # (z'' + i g)) + inertia * d'', with z'' = (-i d'' - d'^2) z.
@@ -100,7 +100,7 @@ class RigidSwing:
         pull = g / self.inertia
         constant = -radial * pull * self.moment.imag
         wave = tangential * pull * self.moment - 1j * radial * pull * self.moment - 1j * body.mass * g * along
-        return found.sense * constant, found.sense * wave
+        return rest.sense * constant, rest.sense * wave
 
     def start_torque(self, stop: str) -> float:
         """Torque of a rest at the start [N m]."""

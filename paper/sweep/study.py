@@ -264,8 +264,8 @@ class Beam:
     @property
     def change(self) -> float | None:
         """Where the hanger's torque at the start changes sign [m]."""
-        found = zeros_within(hanger_torque_on_beam(self.parameters, self.length), self.start, self.end)
-        return found[-1] if found else None
+        zeros = zeros_within(hanger_torque_on_beam(self.parameters, self.length), self.start, self.end)
+        return zeros[-1] if zeros else None
 
     def regime(self) -> Regime:
         """The change in closed form, by root finding, and what it does to the launch."""
@@ -340,7 +340,7 @@ def fulcrum_sweep(
         start, end: of l1 [m].
         engines: names; one that fails or is absent becomes a note.
         worker: the process engines run in; None: this one.
-        with_engines: places they are asked about [m]; those outside the sweep are left out.
+        with_engines: l1 of the positions that engines simulate [m]; those outside the sweep are left out.
 
     Raises:
         InputError: the range is empty or not on the beam, or the machine launches nowhere in it.
@@ -353,10 +353,10 @@ def fulcrum_sweep(
     curve = line.curve()
     peak = line.peak(curve)
     regime = line.regime()
-    wanted = {x for x in with_engines if start <= x <= end}
+    with_runs = {x for x in with_engines if start <= x <= end}
     others = {BEST_L1.value, TABLE_L1.value, ZERO_L1.value, *(beam * ratio / (1 + ratio) for ratio in DENNY)}
-    places = sorted(wanted | {x for x in others if start <= x <= end} | {peak.l1.value})
-    positions = tuple(line.position(x, engines if x in wanted else (), worker) for x in places)
+    places = sorted(with_runs | {x for x in others if start <= x <= end} | {peak.l1.value})
+    positions = tuple(line.position(x, engines if x in with_runs else (), worker) for x in places)
     return Sweep(
         beam=beam,
         start=start,

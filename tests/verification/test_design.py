@@ -125,7 +125,7 @@ def test_other_starts_lead_to_the_same_designs() -> None:
         reached = family.maximised([np.array(start) / family.scale for start in starts], objective)
         assert reached, name
         assert objective.value(family, reached[0]) == pytest.approx(
-            objective.value(family, family.place(expected.throwing.parameters)), abs=1e-6
+            objective.value(family, family.scaled(expected.throwing.parameters)), abs=1e-6
         )
 
 
