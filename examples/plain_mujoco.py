@@ -1,5 +1,8 @@
 """The committed MJCF in MuJoCo without trebucheck's adapter: load it, step it, read the sling's limit torque."""
 
+# MuJoCo's bindings carry no types.
+# pyright: reportAttributeAccessIssue=false
+
 from __future__ import annotations
 
 from importlib.resources import files
