@@ -99,9 +99,9 @@ def causes_of(engine: Engine, mechanism: Mechanism | None = None) -> tuple[Cause
     settings = engine.settings
     every = engine_study(engine.name).causes(settings, ConstraintKinds.of(mechanism))
     ways = ((cause, (cause.removal, cause.scaling)) for cause in every)
-    found = [cause for cause, both in ways if any(way is not None and way.changes(settings) for way in both)]
-    names = {cause.name for cause in found}
-    return tuple(dataclasses.replace(cause, after=tuple(n for n in cause.after if n in names)) for cause in found)
+    causes = [cause for cause, both in ways if any(way is not None and way.changes(settings) for way in both)]
+    names = {cause.name for cause in causes}
+    return tuple(dataclasses.replace(cause, after=tuple(n for n in cause.after if n in names)) for cause in causes)
 
 
 @dataclass(frozen=True)
@@ -139,8 +139,8 @@ def engine(name: str, preset: str = "tuned", **options: Any) -> Engine:
     makers = engine_class(name).presets()
     if preset not in makers:
         raise InputError(f"{name} has no preset {preset!r}; there are: {', '.join(makers)}.")
-    made = makers[preset](**options)
-    return made if isinstance(made, Engine) else _completed(made, preset, options)
+    simulator = makers[preset](**options)
+    return simulator if isinstance(simulator, Engine) else _completed(simulator, preset, options)
 
 
 def with_options(base: Engine, changes: Mapping[str, JsonValue]) -> Engine:
@@ -190,17 +190,17 @@ class CompletedInspectable(CompletedEngine):
         return cast("Inspectable", self.simulator).inspect(mechanism, states)
 
 
-def _completed(made: Simulator, preset: str, options: Mapping[str, Any]) -> CompletedEngine:
-    settings = _settings_of(made, options)
-    step = getattr(made, "timestep", settings.get("timestep"))
-    cls = CompletedInspectable if isinstance(made, Inspectable) else CompletedEngine
-    return cls(made, preset, settings, float(step) if isinstance(step, int | float) else None)
+def _completed(simulator: Simulator, preset: str, options: Mapping[str, Any]) -> CompletedEngine:
+    settings = _settings_of(simulator, options)
+    step = getattr(simulator, "timestep", settings.get("timestep"))
+    cls = CompletedInspectable if isinstance(simulator, Inspectable) else CompletedEngine
+    return cls(simulator, preset, settings, float(step) if isinstance(step, int | float) else None)
 
 
-def _settings_of(made: Simulator, options: Mapping[str, Any]) -> dict[str, JsonValue]:
+def _settings_of(simulator: Simulator, options: Mapping[str, Any]) -> dict[str, JsonValue]:
     """The fields of a Spec or a dataclass; of anything else, the options that it was given."""
-    if isinstance(made, Spec):
-        return made.model_dump(mode="json", exclude={"preset"})
-    if dataclasses.is_dataclass(made):
-        options = {field.name: getattr(made, field.name) for field in dataclasses.fields(made) if field.init}
+    if isinstance(simulator, Spec):
+        return simulator.model_dump(mode="json", exclude={"preset"})
+    if dataclasses.is_dataclass(simulator):
+        options = {field.name: getattr(simulator, field.name) for field in dataclasses.fields(simulator) if field.init}
     return {name: to_jsonable_python(value, fallback=repr) for name, value in options.items() if name != "preset"}

@@ -48,8 +48,8 @@ def launch_interval(velocity: FloatArray, angle: float = LAUNCH_ANGLE) -> int | 
     """Index i of the first interval [i, i+1] in which the velocity turns down through the launch direction."""
     across = lead(velocity, angle)
     falls = (across[:-1] > 0) & (across[1:] <= 0) & (_forward(velocity[1:], angle) > 0)
-    found = np.flatnonzero(falls)
-    return int(found[0]) if len(found) else None
+    crossings = np.flatnonzero(falls)
+    return int(crossings[0]) if len(crossings) else None
 
 
 def launch_on(velocity_at: Callable[[float], FloatArray], t0: float, t1: float, angle: float = LAUNCH_ANGLE) -> Launch:
@@ -79,16 +79,16 @@ def locate_launch(
         angle: above the horizontal [rad]; 45 degrees if left out.
         after: only crossings later than this count [s] (a projectile on its rest is not launched).
     """
-    wanted = LAUNCH_ANGLE if angle is None else angle
+    launch_angle = LAUNCH_ANGLE if angle is None else angle
     keep = np.concatenate([[True], np.diff(t) > _SAME_TIME]) & (t >= after)
     t, position, velocity = t[keep], position[keep], velocity[keep]
-    i = launch_interval(velocity, wanted)
+    i = launch_interval(velocity, launch_angle)
     if i is None:
         return None
     near = slice(max(0, i + 1 - _NEIGHBOURS), i + 1 + _NEIGHBOURS)
     step = float(t[i + 1] - t[i])
     velocity_at = _hermite((t[near] - t[i]) / step, position[near] - position[i], velocity[near] * step)
-    launch = launch_on(lambda s: velocity_at(s / step) / step, 0.0, step, wanted)
+    launch = launch_on(lambda s: velocity_at(s / step) / step, 0.0, step, launch_angle)
     return Launch(launch.time + float(t[i]), launch.speed, launch.velocity)
 
 

@@ -227,13 +227,13 @@ class Mechanism(Spec):
     @property
     def loop_closure_residual(self) -> dict[str, float]:
         """Distance at the start of the two points of each joint that closes a loop; of a slot: from its line [m]."""
-        found: dict[str, float] = {}
+        residuals: dict[str, float] = {}
         for joint in self.loop_joints:
-            child = self._start_place(joint.child, joint.child_point)
-            residual = child - self._start_place(joint.parent, joint.parent_point)
+            child = self._start_position(joint.child, joint.child_point)
+            residual = child - self._start_position(joint.parent, joint.parent_point)
             across = (residual * complex(*joint.axis).conjugate()).imag if isinstance(joint, SlotJoint) else residual
-            found[joint.name] = abs(across)
-        return found
+            residuals[joint.name] = abs(across)
+        return residuals
 
     @property
     def loops_apart(self) -> dict[str, float]:
@@ -349,26 +349,26 @@ class Mechanism(Spec):
         """A stop's gap at the start, and how far rounding can move it."""
         sizes = [1.0]
 
-        def place(body: str, point: Vector) -> complex:
-            at = self._start_place(body, point)
+        def position_of(body: str, point: Vector) -> complex:
+            at = self._start_position(body, point)
             sizes.append(abs(at))
             return at
 
         angle = {body.name: self.start[i] for i, body in enumerate(self.bodies)}
-        gap = stop.component(angle.__getitem__, place) - stop.position
+        gap = stop.component(angle.__getitem__, position_of) - stop.position
         return gap, _CLOSED_GAP * max(sizes)
 
-    def _start_place(self, body: str, point: Vector) -> complex:
-        """Where a body's point is at the start, x + i y [m]."""
+    def _start_position(self, body: str, point: Vector) -> complex:
+        """Position of a body's point at the start, x + i y [m]."""
         if body == GROUND:
             return complex(*point)
         start = dict(zip(self.coordinates, self.start, strict=True))
         joint = self.joint_of(body)
-        place = self._start_place(joint.parent, joint.parent_point)
+        position = self._start_position(joint.parent, joint.parent_point)
         if isinstance(joint, SlotJoint) and joint.coordinate is not None:
-            place += start[joint.coordinate] * complex(*joint.axis)
+            position += start[joint.coordinate] * complex(*joint.axis)
         arm = complex(*point) - complex(*joint.child_point)
-        return place + arm * cmath.exp(-1j * start[self.body(body).angle])
+        return position + arm * cmath.exp(-1j * start[self.body(body).angle])
 
 
 def mechanism_schema() -> str:

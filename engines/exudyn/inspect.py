@@ -61,23 +61,23 @@ class _Inspector:
 
     def inspection(self, states: Sequence[State]) -> Inspection:
         """All quantities, in each state."""
-        with matrices(self.system) as here:
+        with matrices(self.system) as state_matrices:
             start = self._reader()
             reference = self._places(start) - self.solver.state(start.table, 0).coordinates
             return Inspection(
                 start=start.coordinates()[0],
                 start_speeds=start.speeds()[0],
-                total_mass=float(here.mass()[0::3, 0::3].sum()),
-                dynamics=tuple(self._dynamics(here, reference, state) for state in states),
+                total_mass=float(state_matrices.mass()[0::3, 0::3].sum()),
+                dynamics=tuple(self._dynamics(state_matrices, reference, state) for state in states),
             )
 
-    def _dynamics(self, here: Matrices, reference: FloatArray, state: State) -> Dynamics:
+    def _dynamics(self, state_matrices: Matrices, reference: FloatArray, state: State) -> Dynamics:
         self._refuse_other_stops(state)
         displacements, rates = self._placed(state.q) - reference, self._jacobian(state.q) @ state.u
-        solved = here.solve(displacements, rates, state.closed)
-        mass, forces = here.mass(), here.forces()  # of this state, without the stops' springs
+        solved = state_matrices.solve(displacements, rates, state.closed)
+        mass, forces = state_matrices.mass(), state_matrices.forces()  # of this state, without the stops' springs
         jacobian = self._jacobian(state.q)
-        self._show(here, solved, state.closed)
+        self._set_solution(state_matrices, solved, state.closed)
         reader = self._reader()
         return Dynamics(
             accelerations=self._accelerations(),
@@ -94,12 +94,12 @@ class _Inspector:
                 known = ", ".join(sorted(self.system.stops)) or "none"
                 raise InputError(f"closed = {name!r} is no stop that is closed at the start; those are: {known}.")
 
-    def _show(self, here: Matrices, solved: Solved, closed: tuple[str, ...]) -> None:
+    def _set_solution(self, state_matrices: Matrices, solved: Solved, closed: tuple[str, ...]) -> None:
         """Give Exudyn the solution, from which its outputs follow."""
         data, current = self.system.main.systemData, exu.ConfigurationType.Current
         data.SetODE2Coordinates_tt(solved.accelerations, current)
         self.system.set_active(closed)
-        here.set_multipliers(closed, solved.stops)
+        state_matrices.set_multipliers(closed, solved.stops)
 
     @property
     def _names(self) -> tuple[str, ...]:

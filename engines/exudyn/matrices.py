@@ -148,8 +148,8 @@ class Matrices:
         n, size = self.solver.GetODE2size(), len(np.asarray(self.solver.GetSystemJacobian()))
         self.solver.SetSystemJacobian(np.zeros((size, size)))  # Exudyn adds to what is there
         self.solver.ComputeJacobianAE(self.system.main, 1.0, 0.0, 0.0, False)
-        found = np.array(self.solver.GetSystemJacobian())[n:]
-        return found[:, :n], np.diag(found[:, n:])
+        jacobian = np.array(self.solver.GetSystemJacobian())[n:]
+        return jacobian[:, :n], np.diag(jacobian[:, n:])
 
     def _stop_rows(self, name: str) -> list[int]:
         """Equations of a stop's connector; the first is its gap's (a point contact's second one is always zero)."""
@@ -172,10 +172,10 @@ def solve_constrained(
     kkt[n:, :n] = scale * jacobian  # of the masses' size, so that pivoting compares like with like
     kkt[:n, n:] = kkt[n:, :n].T
     try:
-        found = np.asarray(np.linalg.solve(kkt, np.concatenate([forces, scale * right])), dtype=np.float64)
+        solution = np.asarray(np.linalg.solve(kkt, np.concatenate([forces, scale * right])), dtype=np.float64)
     except np.linalg.LinAlgError:
         raise SimulationError("exudyn's bodies have no inertia in some direction they can move in.") from None
-    return found[:n], scale * found[n:]
+    return solution[:n], scale * solution[n:]
 
 
 def resolve_impact(system: System, state: State, restitution: Mapping[str, float]) -> tuple[State, dict[str, float]]:
@@ -192,10 +192,10 @@ def resolve_impact(system: System, state: State, restitution: Mapping[str, float
     Raises:
         SimulationError: the contacts that touch are not independent of each other.
     """
-    with matrices(system) as here:
-        here.set(state.coordinates, state.rates)
-        mass, joints = here.mass(), here.jacobian(())
-        rows = np.array([-system.constraints[name].sense * here.stop_row(name) for name in restitution])
+    with matrices(system) as state_matrices:
+        state_matrices.set(state.coordinates, state.rates)
+        mass, joints = state_matrices.mass(), state_matrices.jacobian(())
+        rows = np.array([-system.constraints[name].sense * state_matrices.stop_row(name) for name in restitution])
         still = np.zeros(len(joints))
         responses = np.array([solve_constrained(mass, joints, row, still)[0] for row in rows])
     coefficients = np.array(list(restitution.values()))

@@ -95,8 +95,8 @@ class _Motion:
 
     def _replace_by_springs(self, state: State, active: Contacts, stiffness: float) -> None:
         """Go on with springs in place of the constraints that push at the start."""
-        found = _springs(self.solver, state, active, stiffness, self.options.stop_damping_ratio)
-        self.system = build(self.mechanism, found)
+        springs = _springs(self.solver, state, active, stiffness, self.options.stop_damping_ratio)
+        self.system = build(self.mechanism, springs)
         self.solver = Solver(self.system, self.options)
 
     def _segment(self, state: State, active: Contacts) -> Segment:
@@ -110,8 +110,8 @@ class _Motion:
         table = self.solver.run(state, active, self.duration, self._steps_from(state), all_push if active else None)
         if not active or self._all_push(active):
             return self._continued(table, active)
-        found = self._first_release(table, active)
-        return self._opened(*found, active) if found else self._continued(table, active)
+        release = self._first_release(table, active)
+        return self._opened(*release, active) if release else self._continued(table, active)
 
     def _steps_from(self, state: State) -> int:
         return max(1, math.ceil((self.duration - state.t) / self.options.timestep - _WHOLE))
@@ -143,8 +143,8 @@ class _Motion:
         """
         row = self.solver.balance(self.solver.state(table, -1), active).row
         pulling = [name for name in active if self.solver.torque(row, name) < 0.0]
-        found = [(*self._onto_zero_torque(table, active, name), name) for name in pulling]
-        _, earliest, name = min(found, key=lambda release: release[0], default=(0.0, table, None))
+        releases = [(*self._onto_zero_torque(table, active, name), name) for name in pulling]
+        _, earliest, name = min(releases, key=lambda release: release[0], default=(0.0, table, None))
         return None if name is None else (earliest, name)
 
     def _opened(self, table: FloatArray, name: str, active: Contacts) -> Segment:
@@ -165,8 +165,8 @@ class _Motion:
         # Times as asked for: with adaptive steps a table may end a rounding beside them.
         times, values = [float(time) for time in table[-2:, 0]], [torque(table, len(table) - 2)]
 
-        def secant(found: FloatArray) -> float:
-            values.append(torque(found, -1))
+        def secant(probe: FloatArray) -> float:
+            values.append(torque(probe, -1))
             slope = (values[-1] - values[-2]) / (times[-1] - times[-2])
             times.append(min(times[-1] - values[-1] / slope if slope else times[-1], float(table[-1, 0])))
             return times[-1]
@@ -182,16 +182,16 @@ class _Motion:
         gives its time from a table that ends near it.
         """
         last, first = len(table) - 1, max(len(table) - 3, 0)
-        begin, found = self.solver.state(table, first), table
+        begin, probe = self.solver.state(table, first), table
         for _ in range(_MOST_PROBES):
-            end = min(next_guess(found), float(table[last, 0]))
+            end = min(next_guess(probe), float(table[last, 0]))
             if end - begin.t <= SAME_TIME:
                 return begin.t, table[: first + 1]
-            if abs(end - float(found[-1, 0])) <= _RESOLVED:
+            if abs(end - float(probe[-1, 0])) <= _RESOLVED:
                 break
             rows = self.solver.run(begin, active, end, last - first)
-            found = np.concatenate([table[: first + 1], rows[1:]])
-        return float(found[-1, 0]), found
+            probe = np.concatenate([table[: first + 1], rows[1:]])
+        return float(probe[-1, 0]), probe
 
     def _pushing(self, state: State, touching: Contacts) -> Contacts:
         """Which of the touching stops push while the others open; those that open are released."""
@@ -254,8 +254,8 @@ class _UnilateralMotion(_Motion):
         """
         stop, latest = self.mechanism.stop(name), float(table[-1, 0])
 
-        def newton(found: FloatArray) -> float:
-            time, values = float(found[-1, 0]), self._last(found)
+        def newton(probe: FloatArray) -> float:
+            time, values = float(probe[-1, 0]), self._last(probe)
             speed = gap_speed(stop, values)
             return (time + latest) / 2 if speed >= 0 else time - gap(stop, values) / speed
 
@@ -310,9 +310,9 @@ def _springs(
     torques = {name: solver.torque(row, name) for name in active}
     for name in active:
         _refuse_noise(solver, row, stiffness, name, torques)
-    with matrices(solver.system) as here:
-        here.set(state.coordinates, state.rates)
-        inertias = {name: _inertia(here, name) for name in active}
+    with matrices(solver.system) as state_matrices:
+        state_matrices.set(state.coordinates, state.rates)
+        inertias = {name: _inertia(state_matrices, name) for name in active}
     return {
         name: Spring(stiffness, 2 * damping_ratio * math.sqrt(stiffness * inertias[name]), torques[name])
         for name in active
@@ -334,8 +334,8 @@ def _refuse_noise(solver: Solver, row: FloatArray, stiffness: float, name: str, 
         )
 
 
-def _inertia(here: Matrices, stop: str) -> float:
+def _inertia(state_matrices: Matrices, stop: str) -> float:
     """Torque (or force) on a stop's gap that opens it at 1 rad/s^2 (or 1 m/s^2), the others open [kg m^2, kg]."""
-    joints, row = here.jacobian(()), here.stop_row(stop)
-    opened, _ = solve_constrained(here.mass(), joints, row, np.zeros(len(joints)))
+    joints, row = state_matrices.jacobian(()), state_matrices.stop_row(stop)
+    opened, _ = solve_constrained(state_matrices.mass(), joints, row, np.zeros(len(joints)))
     return 1.0 / float(row @ opened)

@@ -42,8 +42,8 @@ class Limit:
 
     def row(self, data: Any) -> int | None:
         """Its row among the constraints that are present; None if it is out of reach."""
-        found = np.flatnonzero((data.efc_type == self.constraint) & (data.efc_id == self.index))
-        return int(found[0]) if len(found) else None
+        rows = np.flatnonzero((data.efc_type == self.constraint) & (data.efc_id == self.index))
+        return int(rows[0]) if len(rows) else None
 
     def gap(self, model: Any, data: Any) -> float:
         """Its gap as MuJoCo measures its joint or tendon [rad]; negative in penetration."""
@@ -97,8 +97,8 @@ class PointContact:
 
     def row(self, data: Any) -> int | None:
         """Its row among the constraints that are present; None if the sphere is out of reach."""
-        found = np.flatnonzero((data.contact.geom == self.geoms).all(axis=1))
-        row = int(data.contact.efc_address[found[0]]) if len(found) else -1
+        contacts = np.flatnonzero((data.contact.geom == self.geoms).all(axis=1))
+        row = int(data.contact.efc_address[contacts[0]]) if len(contacts) else -1
         return row if row >= 0 else None
 
     def gap(self, model: Any, data: Any) -> float:

@@ -106,7 +106,7 @@ class _Built:
             mass_matrix=back.T @ mass @ back,
             forces=back.T @ forces,
             centres={body.name: data.body(body.name).xipos[IN_PLANE] for body in self.mechanism.bodies},
-            stop_gaps={name: found.gap(self.model, data) for name, found in self.constraints.items()},
+            stop_gaps={name: constraint.gap(self.model, data) for name, constraint in self.constraints.items()},
         )
 
     def _torques_at_rest(self, closed: Sequence[str]) -> dict[str, float]:

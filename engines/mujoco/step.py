@@ -162,8 +162,8 @@ class _Stepper:
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
             self._step(before, middle)
-            found = self._inactive()
-            low, high, inactive = (low, middle, found) if found else (middle, high, inactive)
+            inactive_at_middle = self._inactive()
+            low, high, inactive = (low, middle, inactive_at_middle) if inactive_at_middle else (middle, high, inactive)
         # The solver's warm start makes the last bit of a torque depend on the steps before: a stop that was found
         # inactive above may carry a last bit of torque here, and is released all the same.
         self._step(before, high)

@@ -207,11 +207,11 @@ def _snippets(engine: Any, mechanism: Mechanism, _: float) -> dict[str, str]:
         "options": engine, "solref": model.jnt_solref[0].tolist(), "tendons": model.ntendon > 0, "outside": outside,
         "points": points,
     }  # fmt: skip
-    found = {MJCF: filled_template(__name__, "mujoco.xml.j2", **values)}
+    sources = {MJCF: filled_template(__name__, "mujoco.xml.j2", **values)}
     # The callback that holds points is no text to paste: such a mechanism is run by trebucheck's own lines.
     if outside and not points:
-        found[PYTHON] = filled_template(__name__, "mujoco.py.j2", **values)
-    return found
+        sources[PYTHON] = filled_template(__name__, "mujoco.py.j2", **values)
+    return sources
 
 
 STUDY = EngineStudy(

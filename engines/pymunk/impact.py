@@ -65,12 +65,12 @@ def resolve_impact(placed: Mechanism, restitution: Mapping[str, float], pivot_ma
         impacts[active] = _impact_of(weightless, active, restitution, pivot_mass)
         return impacts[active].violated
 
-    found = impacts[active_contacts(tuple(restitution), violated)]
-    if found.violated:
+    impact = impacts[active_contacts(tuple(restitution), violated)]
+    if impact.violated:
         raise SimulationError(
             f"pymunk finds no impact of the stops {', '.join(restitution)} in which all of them push."
         )
-    return found
+    return impact
 
 
 def _impact_of(placed: Mechanism, active: Contacts, restitution: Mapping[str, float], pivot_mass: float) -> Impact:
@@ -109,8 +109,8 @@ def _set_target(joint: constraints.Constraint, restitution: float) -> None:
 def _impulses(assembly: Assembly, increment: FloatArray, active: Contacts) -> dict[str, float]:
     """Of the contacts that take part: what the change of momentum needs with the assembly at rest."""
     assembly.rates = np.zeros_like(increment)
-    found = forces_of(reading_of(assembly, increment), active).torques
-    return {name: float(found[name][0]) for name in active}
+    torques = forces_of(reading_of(assembly, increment), active).torques
+    return {name: float(torques[name][0]) for name in active}
 
 
 def _speeds_after(assembly: Assembly, increment: FloatArray) -> FloatArray:

@@ -125,11 +125,11 @@ class Reading:
 
     def markers(self) -> dict[str, PointMotion]:
         """Markers by name."""
-        found: dict[str, PointMotion] = {}
+        motions: dict[str, PointMotion] = {}
         for marker in self.mechanism.markers:
             at = self.point(marker.body, marker.point)
-            found[marker.name] = PointMotion(as_vectors(at.position), as_vectors(at.velocity))
-        return found
+            motions[marker.name] = PointMotion(as_vectors(at.position), as_vectors(at.velocity))
+        return motions
 
     def energies(self) -> tuple[FloatArray, FloatArray]:
         """Kinetic and potential energy [J], shape (n,)."""
@@ -142,15 +142,15 @@ class Reading:
 
     def accelerations(self) -> FloatArray:
         """Second derivatives of the coordinates, shape (n, n_q) [rad/s^2 or m/s^2]."""
-        found = [self.frames[body.name].a for body in self.mechanism.bodies]
+        accelerations = [self.frames[body.name].a for body in self.mechanism.bodies]
         for slot in self.mechanism.slides:
             pin = self.point(slot.child, slot.child_point).acceleration
-            found.append((pin * complex(*slot.axis).conjugate()).real)
-        return np.stack(found, axis=-1)
+            accelerations.append((pin * complex(*slot.axis).conjugate()).real)
+        return np.stack(accelerations, axis=-1)
 
     def gaps(self) -> dict[str, FloatArray]:
         """Constraint drift: distance of a joint's points [m], shape (n,); for a bob, the error of its rod's length."""
-        found: dict[str, FloatArray] = {}
+        drifts: dict[str, FloatArray] = {}
         tree = self.mechanism.tree_joints
         for joint in self.mechanism.joints:
             parent = self.point(joint.parent, joint.parent_point).position
@@ -160,8 +160,8 @@ class Reading:
             elif joint in tree and not self.assembly.parts[joint.child].turns:
                 part = self.assembly.parts[joint.child]
                 difference = np.abs(self.frames[joint.child].at.position - parent) - abs(part.reference - part.pin)
-            found[joint.name] = np.abs(difference)
-        return found
+            drifts[joint.name] = np.abs(difference)
+        return drifts
 
 
 def samples_of(states: FloatArray, h: float, leapfrog: bool) -> Samples:

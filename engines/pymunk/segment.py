@@ -98,8 +98,8 @@ class Segment:
         reading = Reading(self.assembly, samples_of(states, self.h, self.options.leapfrog))
         torques = forces_of(reading, active).torques
         find = _foreseen if self.options.locate_releases else _noticed
-        found = {name: find(torque) for name, torque in torques.items()}
-        due = {name: step for name, step in found.items() if step is not None and k + step <= self.n}
+        steps_to_zero = {name: find(torque) for name, torque in torques.items()}
+        due = {name: step for name, step in steps_to_zero.items() if step is not None and k + step <= self.n}
         if due:
             self._release(min(due, key=lambda name: due[name]), k, min(due.values()))
 

@@ -201,10 +201,10 @@ class _EventFinder:
 
         h = self.segment.h
         after = float(brentq(gap, 0.0, h, xtol=1e-16)) if gap(0.0) > 0 > gap(h) else (h if gap(0.0) > 0 else 0.0)
-        time, there = float(self.segment.times()[k]) + after, q + after * (u + after / 2 * a)
+        time, q_event = float(self.segment.times()[k]) + after, q + after * (u + after / 2 * a)
         active = [other for other in self.segment.active_at(k) if (self.segment.releases[other] or np.inf) > time]
-        touching = self.events.touching(time, name, active, lambda other: float(self.kinematics.gap(other, there)))
-        return _ContactEvent(time, there, u + after * a, touching, name, k)
+        touching = self.events.touching(time, name, active, lambda other: float(self.kinematics.gap(other, q_event)))
+        return _ContactEvent(time, q_event, u + after * a, touching, name, k)
 
 
 def _with_closed(mechanism: Mechanism, closed: Collection[str]) -> Mechanism:

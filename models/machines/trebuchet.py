@@ -95,7 +95,7 @@ def parameters_of(mechanism: Mechanism) -> TrebuchetParameters | None:
         return None
     _, sling_pin, hanger_pin = mechanism.joints
     try:
-        found = TrebuchetParameters(
+        parameters = TrebuchetParameters(
             l1=sling_pin.parent_point[0],
             l2=-hanger_pin.parent_point[0],
             m_b=mechanism.body("sling").mass,
@@ -110,7 +110,7 @@ def parameters_of(mechanism: Mechanism) -> TrebuchetParameters | None:
         )
     except InputError:
         return None
-    return found if builders[mechanism.name](found) == mechanism else None
+    return parameters if builders[mechanism.name](parameters) == mechanism else None
 
 
 def _whipper(name: str, p: TrebuchetParameters, fulcrum: PinJoint | SlotJoint, start: tuple[float, ...]) -> Mechanism:
@@ -152,10 +152,10 @@ def loaded_arm(l1: float, l2: float, mass: float, loads: Mapping[float, float]) 
     Args:
         l1, l2: from the fulcrum to the sling's and to the counterweight's end [m].
         mass: of the rod alone [kg].
-        loads: mass [kg] at each place along the arm [m].
+        loads: mass [kg] at each position along the arm [m].
     """
     middle, whole = (l1 - l2) / 2, mass + sum(loads.values())
-    centre = (mass * middle + sum(load * place for place, load in loads.items())) / whole
+    centre = (mass * middle + sum(load * x for x, load in loads.items())) / whole
     rod = mass * ((l1 + l2) ** 2 / 12 + (middle - centre) ** 2)
-    points = sum(load * (place - centre) ** 2 for place, load in loads.items())
+    points = sum(load * (x - centre) ** 2 for x, load in loads.items())
     return Body(name="arm", angle="theta", mass=whole, centre=(centre, 0), inertia=rod + points)

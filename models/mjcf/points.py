@@ -48,7 +48,7 @@ class Wall:
     normal: Vector
     offset: float
     """Distance from the world's origin along the normal [m]."""
-    shown: bool
+    visible: bool
 
     @property
     def geoms(self) -> dict[str, str]:
@@ -100,7 +100,7 @@ class Points:
         size, radius = round(1.5 * reach_of(self.mechanism), 3), self._radius
         for wall in self.walls:
             behind = wall.offset - radius
-            look = {"rgba": "0.60 0.55 0.45 0.4"} if wall.shown else {"group": "4"}
+            look = {"rgba": "0.60 0.55 0.45 0.4"} if wall.visible else {"group": "4"}
             ET.SubElement(
                 world, "geom", look, name=wall.geoms["geom1"], type="plane", size=numbers(size, 0.1 * size, size),
                 pos=spatial((wall.normal[0] * behind, wall.normal[1] * behind)), zaxis=spatial(wall.normal),
@@ -132,7 +132,7 @@ class Points:
             contact = ET.SubElement(root, "contact")
             for wall in self.walls:
                 pair = ET.SubElement(contact, "pair", wall.geoms, name=wall.name)
-                if not wall.shown:
+                if not wall.visible:
                     pair.set("margin", number(felt_from(self.mechanism, timestep)))
         if self.pins:
             equality = ET.SubElement(root, "equality")
@@ -161,7 +161,7 @@ class Points:
 
 
 def _wall(stop: PointStop) -> Wall:
-    return Wall(stop.name, stop.name, stop.normal, stop.offset, shown=True)
+    return Wall(stop.name, stop.name, stop.normal, stop.offset, visible=True)
 
 
 def _sides(slot: SlotJoint) -> Iterator[Wall]:
@@ -170,7 +170,7 @@ def _sides(slot: SlotJoint) -> Iterator[Wall]:
     for side, sense in zip(RAIL_SIDES, (-1, 1), strict=True):
         normal = (sense * left[0], sense * left[1])
         offset = normal[0] * slot.parent_point[0] + normal[1] * slot.parent_point[1]
-        yield Wall(rail_contact(slot.name, side), slot.name, normal, offset, shown=False)
+        yield Wall(rail_contact(slot.name, side), slot.name, normal, offset, visible=False)
 
 
 def felt_from(mechanism: Mechanism, timestep: float) -> float:

@@ -192,7 +192,7 @@ class _Writer:
     def _add_body(self, parent: ET.Element, body: Body) -> None:
         joint = self.mechanism.joint_of(body.name)
         turn = self.angle[body.name] - self.angle[joint.parent]
-        element = ET.SubElement(parent, "body", name=body.name, pos=self._place(joint), euler=numbers(0, turn, 0))
+        element = ET.SubElement(parent, "body", name=body.name, pos=self._origin(joint), euler=numbers(0, turn, 0))
         inertia = max(body.inertia, POINT_INERTIA)
         ET.SubElement(
             element, "inertial", pos=from_origin(joint.child_point, body.centre), mass=number(body.mass),
@@ -206,8 +206,8 @@ class _Writer:
         for child in self.mechanism.children(body.name):
             self._add_body(element, child)
 
-    def _place(self, joint: PinJoint | SlotJoint) -> str:
-        """Where a body's frame stands in its parent's at the start; MuJoCo's frames have their joint as origin."""
+    def _origin(self, joint: PinJoint | SlotJoint) -> str:
+        """Origin of a body's frame in its parent's frame at the start; MuJoCo's frames have their joint as origin."""
         if isinstance(joint, SlotJoint) and joint.coordinate is not None:
             s = self.slide[joint.coordinate]
             return spatial((joint.parent_point[0] + s * joint.axis[0], joint.parent_point[1] + s * joint.axis[1]))
