@@ -144,9 +144,9 @@ def consistent_coordinates(
     Returns:
         Shape (n_q,); None if the iteration does not converge.
     """
-    wanted = np.zeros(len(closed)) if gaps is None else gaps
+    targets = np.zeros(len(closed)) if gaps is None else gaps
     for _ in range(_ITERATIONS):
-        open_by = np.array([float(equations.kinematics.gap(name, q)) for name in closed]) - wanted
+        open_by = np.array([float(equations.kinematics.gap(name, q)) for name in closed]) - targets
         residual = np.concatenate([np.atleast_1d(equations.loop_residual(q)), open_by])
         if np.abs(residual).max(initial=0.0) <= _FITS * (1 + np.abs(q).max()):
             return q

@@ -36,12 +36,12 @@ class WithJoint(Equations):
 
     def __init__(self, mechanism: Mechanism, joint: str, damping: float = 0.0, armature: float = 0.0) -> None:
         super().__init__(mechanism)
-        found = next(j for j in mechanism.joints if j.name == joint)
+        perturbed_joint = next(j for j in mechanism.joints if j.name == joint)
         row = np.zeros(len(mechanism.coordinates))
         bodies = [body.name for body in mechanism.bodies]
-        row[bodies.index(found.child)] = 1.0
-        if found.parent in bodies:
-            row[bodies.index(found.parent)] = -1.0
+        row[bodies.index(perturbed_joint.child)] = 1.0
+        if perturbed_joint.parent in bodies:
+            row[bodies.index(perturbed_joint.parent)] = -1.0
         self._damping = damping * np.outer(row, row)
         self._inertias = self._inertias + armature * np.outer(row, row)
 

@@ -71,15 +71,15 @@ class Solution:
         torques = {stop.name: np.zeros(len(t)) for stop in self.problem.mechanism.stops}
         of = np.searchsorted([segment.end for segment in self.segments[:-1]], t, side="right")
         for k, segment in enumerate(self.segments):
-            here = np.flatnonzero(of == k)
-            if not len(here):
+            indices = np.flatnonzero(of == k)
+            if not len(indices):
                 continue
-            y = np.asarray(segment.interpolant(t[here])).T
-            q[here], u[here] = y[:, :n_q], y[:, n_q:]
-            a[here], multipliers = self.equations.solve(q[here], u[here], segment.closed)
-            loops[here] = multipliers[:, :n_l]
+            y = np.asarray(segment.interpolant(t[indices])).T
+            q[indices], u[indices] = y[:, :n_q], y[:, n_q:]
+            a[indices], multipliers = self.equations.solve(q[indices], u[indices], segment.closed)
+            loops[indices] = multipliers[:, :n_l]
             for name, torque in zip(segment.closed, multipliers[:, n_l:].T, strict=True):
-                torques[name][here] = torque
+                torques[name][indices] = torque
         return Motion(q, u, a, loops, torques)
 
     def joint_reactions(self, motion: Motion) -> dict[str, FloatArray]:
@@ -126,16 +126,16 @@ class Solution:
 
     def launch_at(self, angle: float, marker: str = "projectile") -> Launch | None:
         """First time the marker's velocity comes down to `angle` [rad] after its body's stops have opened."""
-        found = self.problem.mechanism.marker(marker)
-        if found is None:
+        marker_model = self.problem.mechanism.marker(marker)
+        if marker_model is None:
             return None
-        row = self.equations.kinematics.point(found.body, found.point)
+        row = self.equations.kinematics.point(marker_model.body, marker_model.point)
 
         def velocity(t: FloatArray) -> FloatArray:
             motion = self.motion(t)
             return self.equations.kinematics.velocity(row, motion.q, motion.u)
 
-        after = rest_opened(self.problem.mechanism, found.body, self.release_times)
+        after = rest_opened(self.problem.mechanism, marker_model.body, self.release_times)
         if after is None:
             return None
         end = self.segments[-1].end

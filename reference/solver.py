@@ -214,17 +214,17 @@ class EventFinder:
             return []
         times = t0 + _PROBES * (t1 - t0)
         states = np.asarray(piece(times)).T
-        found: list[tuple[float, EventFunction]] = []
+        crossings: list[tuple[float, EventFunction]] = []
         for function in self.functions:
             locate = self._closing if function.closes else self._release
             root = locate(function.stop, piece, times, states)
             if root is not None:
-                found.append((root, function))
-        if not found:
+                crossings.append((root, function))
+        if not crossings:
             return []
-        earliest = min(t for t, _ in found)
+        earliest = min(t for t, _ in crossings)
         state = np.asarray(piece(earliest), dtype=np.float64)
-        return [Event(function, earliest, state) for t, function in found if t - earliest <= _SAME_TIME]
+        return [Event(function, earliest, state) for t, function in crossings if t - earliest <= _SAME_TIME]
 
     def _release(self, stop: str, piece: DenseOutput, times: FloatArray, states: FloatArray) -> float | None:
         column = self.equations.n_loops + self.initial.closed.index(stop)
@@ -280,11 +280,11 @@ def _downward_zero_crossing(
         return _root(gap, start, lowest) if gaps[0] > 0 > gap(lowest) else None
     if speeds[0] > 0:  # it opens first: only what comes after the turning point can be a closing
         start = _root(speed, start, end)
-    here = gap(start)
-    if here > 0:
+    start_gap = gap(start)
+    if start_gap > 0:
         return _root(gap, start, end) if gaps[1] < 0 else None
     # At zero, within rounding, and on its way down: it closes here. Rounding alone does not take it far below.
-    return start if here >= -_ROUNDING and gaps[1] < -_ROUNDING else None
+    return start if start_gap >= -_ROUNDING and gaps[1] < -_ROUNDING else None
 
 
 def _root(function: Callable[[float], float], start: float, end: float) -> float:

@@ -68,11 +68,11 @@ class Figure(Spec):
 
     @property
     def texts(self) -> tuple[str, str]:
-        """Value and uncertainty as printed: two digits of the uncertainty, and the value to the same place."""
+        """Value and uncertainty as printed: two digits of the uncertainty, and the value to the same decimal place."""
         if self.uncertainty == 0:
             return repr(self.value), "0"
-        place = 1 - math.floor(math.log10(self.uncertainty))
-        return f"{self.value:.{max(place, 0)}f}", f"{self.uncertainty:.1e}"
+        decimals = 1 - math.floor(math.log10(self.uncertainty))
+        return f"{self.value:.{max(decimals, 0)}f}", f"{self.uncertainty:.1e}"
 
 
 class Certificate(Spec):
@@ -113,13 +113,13 @@ class Uncertainties(Spec):
 @cache
 def committed_certificates() -> dict[str, Certificate]:
     """The package's certificates, by hash of their mechanism."""
-    found: dict[str, Certificate] = {}
+    certificates: dict[str, Certificate] = {}
     folder = files(__name__.rpartition(".")[0]) / "certificates"
     for entry in folder.iterdir() if folder.is_dir() else ():
         if entry.name.endswith(".json") and entry.name != SCHEMA:
             certificate = Certificate.from_json(entry.read_bytes())
-            found[certificate.mechanism_hash] = certificate
-    return found
+            certificates[certificate.mechanism_hash] = certificate
+    return certificates
 
 
 def load_certificate(mechanism: Mechanism) -> Certificate | None:
@@ -141,7 +141,7 @@ def reference_uncertainty(solution: Solution, end: float | None = None) -> Uncer
 
 def certified(certificate: Certificate) -> Uncertainties:
     """A certificate's uncertainties by metric: the largest over the instants certified."""
-    found: dict[str, float] = defaultdict(float)
+    uncertainties: dict[str, float] = defaultdict(float)
     for figure in certificate.figures:
         metric = _METRICS.get(figure.name)
         if metric is None:
@@ -153,8 +153,8 @@ def certified(certificate: Certificate) -> Uncertainties:
         # Only the projectile's positions are certified; it is last in the chain, so they bound every marker's.
         keys = (metric,) if metric == "position_max" else (metric, f"{metric} ({figure.subject})")
         for key in keys:
-            found[key] = max(found[key], value)
-    return Uncertainties(source="certificate", values=dict(found))
+            uncertainties[key] = max(uncertainties[key], value)
+    return Uncertainties(source="certificate", values=dict(uncertainties))
 
 
 _METRICS = {
@@ -185,33 +185,33 @@ def estimate_uncertainty(solution: Solution, end: float | None = None) -> Uncert
     other = solve(Problem(problem.mechanism, duration=margin, stop_law=problem.stop_law), _COARSE, _COARSE)
     t = np.linspace(0.0, min(end, margin), _SAMPLES)
     fine, coarse = solution.trajectory(t), other.trajectory(t)
-    found = _along(fine, coarse) | _events(solution, other, end)
+    uncertainties = _along(fine, coarse) | _events(solution, other, end)
     if launch is not None:
         speed = np.linalg.norm(fine.marker(_PROJECTILE).velocity, axis=1)
-        _enter(found, "launch_speed", None, speed, np.linalg.norm(coarse.marker(_PROJECTILE).velocity, axis=1))
-    return Uncertainties(source="estimate", values=found)
+        _enter(uncertainties, "launch_speed", None, speed, np.linalg.norm(coarse.marker(_PROJECTILE).velocity, axis=1))
+    return Uncertainties(source="estimate", values=uncertainties)
 
 
 def _along(fine: Trajectory, coarse: Trajectory) -> dict[str, float]:
     """Positions, torques and energy at the same times."""
-    found: dict[str, float] = {}
+    uncertainties: dict[str, float] = {}
     for name, motion in fine.markers.items():
-        _enter(found, "position_max", name, motion.position, coarse.marker(name).position)
+        _enter(uncertainties, "position_max", name, motion.position, coarse.marker(name).position)
     for name, torque in fine.stop_torques.items():
-        _enter(found, "stop_torque_max", name, torque, coarse.stop_torque(name))
+        _enter(uncertainties, "stop_torque_max", name, torque, coarse.stop_torque(name))
     start = abs(float(fine.total_energy[0]))
     if start > 0:
         size = float((np.abs(fine.kinetic_energy) + np.abs(fine.potential_energy)).max())
         # An energy is compared with that of the start, a closed form: only rounding is in it.
-        found["energy_drift"] = float(np.finfo(np.float64).eps) * size / start
-    return found
+        uncertainties["energy_drift"] = float(np.finfo(np.float64).eps) * size / start
+    return uncertainties
 
 
-def _enter(found: dict[str, float], metric: str, subject: str | None, fine: FloatArray, coarse: FloatArray) -> None:
+def _enter(entries: dict[str, float], metric: str, subject: str | None, fine: FloatArray, coarse: FloatArray) -> None:
     value = float(_SAFETY * np.abs(fine - coarse).max() + _ROUNDING * np.abs(fine).max())
     if subject is not None:
-        found[f"{metric} ({subject})"] = value
-    found[metric] = max(found.get(metric, 0.0), value)
+        entries[f"{metric} ({subject})"] = value
+    entries[metric] = max(entries.get(metric, 0.0), value)
 
 
 def _events(fine: Solution, coarse: Solution, end: float) -> dict[str, float]:

@@ -135,14 +135,14 @@ def certify(
     """
     if len(ladder) < 2 or list(ladder) != sorted(ladder, reverse=True):
         raise InputError(f"ladder = {list(ladder)!r} must hold at least two falling tolerances.")
-    problem, wanted = _problem(mechanism)
-    tasks, absent = _tasks(problem, wanted, parameters, ladder)
-    found: dict[str, Values] = {}
+    problem, plan = _problem(mechanism)
+    tasks, absent = _tasks(problem, plan, parameters, ladder)
+    results: dict[str, Values] = {}
     for done, task in enumerate(tasks):
         if progress:
             progress(task.computation.name, done, len(tasks))
-        _make(task, found, absent)
-    computations = tuple(task.computation for task in tasks if task.computation.name in found)
+        _make(task, results, absent)
+    computations = tuple(task.computation for task in tasks if task.computation.name in results)
     return Certificate(
         model=mechanism.name,
         mechanism_hash=mechanism.content_hash,
@@ -151,13 +151,13 @@ def certify(
         versions=_versions(),
         computations=computations,
         absent=tuple(absent),
-        figures=tuple(_judged(found, computations)),
+        figures=tuple(_judged(results, computations)),
     )
 
 
-def _make(task: _Task, found: dict[str, Values], absent: list[str]) -> None:
+def _make(task: _Task, results: dict[str, Values], absent: list[str]) -> None:
     try:
-        found[task.computation.name] = task.compute()
+        results[task.computation.name] = task.compute()
     except Exception as error:  # an optional library may raise anything; the certificate records it
         if not task.optional:
             raise
@@ -165,18 +165,18 @@ def _make(task: _Task, found: dict[str, Values], absent: list[str]) -> None:
 
 
 def judge(
-    found: Mapping[Key, Mapping[str, float]], computations: Sequence[Computation]
+    values_by_key: Mapping[Key, Mapping[str, float]], computations: Sequence[Computation]
 ) -> dict[Key, tuple[float, float]]:
     """The module's rule: value and uncertainty of every figure that two independent computations have.
 
     Args:
-        found: figures, each by name of computation.
+        values_by_key: values of each figure, by name of computation.
         computations: those that count, independent ones and rungs.
     """
     independent = [c.name for c in computations if c.independent]
     rungs = [c for c in computations if not c.independent]
     tightest = min((c.tolerance for c in computations if c.tolerance), default=0.0)
-    kept = {key: values for key, values in found.items() if len(values.keys() & set(independent)) > 1}
+    kept = {key: values for key, values in values_by_key.items() if len(values.keys() & set(independent)) > 1}
     best = {key: _best(values, independent) for key, values in kept.items()}
     moved, scale = defaultdict[tuple[str, str], float](float), defaultdict[tuple[str, str], float](float)
     for key, values in kept.items():
@@ -205,9 +205,9 @@ def _kind(key: Key) -> tuple[str, str]:
     return ("position" if key.name.startswith("position") else key.name, key.unit)
 
 
-def _judged(found: Mapping[str, Values], computations: Sequence[Computation]) -> Iterator[Figure]:
+def _judged(results: Mapping[str, Values], computations: Sequence[Computation]) -> Iterator[Figure]:
     by_key: dict[Key, dict[str, float]] = defaultdict(dict)
-    for name, values in found.items():
+    for name, values in results.items():
         for key, value in values.items():
             by_key[key][name] = value
     for key, (value, uncertainty) in judge(by_key, computations).items():
@@ -225,7 +225,7 @@ def _problem(mechanism: Mechanism) -> tuple[Problem, Plan]:
 
 
 def _tasks(
-    problem: Problem, wanted: Plan, parameters: TrebuchetParameters | None, ladder: Sequence[float]
+    problem: Problem, plan: Plan, parameters: TrebuchetParameters | None, ladder: Sequence[float]
 ) -> tuple[list[_Task], list[str]]:
     def minimal(tolerance: float) -> Motion:
         return MinimalMotion(solve(problem, tolerance, tolerance))
@@ -238,12 +238,12 @@ def _tasks(
         ("redundant", "three coordinates a body, joints and stops by KKT", redundant),
     )
     tasks = [
-        _Task(_by_dop853(name, text, tolerance, tolerance == ladder[-1]), partial(_read_at, run, tolerance, wanted))
+        _Task(_by_dop853(name, text, tolerance, tolerance == ladder[-1]), partial(_read_at, run, tolerance, plan))
         for name, text, run in formulations
         for tolerance in ladder
     ]
     absent: list[str] = []
-    for more in (_paper_task(problem, wanted, parameters, ladder[-1]), *_taylor_tasks(problem, wanted)):
+    for more in (_paper_task(problem, plan, parameters, ladder[-1]), *_taylor_tasks(problem, plan)):
         if isinstance(more, _Task):
             tasks.append(more)
         else:
@@ -251,8 +251,8 @@ def _tasks(
     return tasks, absent
 
 
-def _read_at(run: Callable[[float], Motion], tolerance: float, wanted: Plan) -> Values:
-    return read_quantities(run(tolerance), wanted)
+def _read_at(run: Callable[[float], Motion], tolerance: float, plan: Plan) -> Values:
+    return read_quantities(run(tolerance), plan)
 
 
 def _by_dop853(name: str, formulation: str, tolerance: float, independent: bool) -> Computation:
@@ -265,9 +265,7 @@ def _by_dop853(name: str, formulation: str, tolerance: float, independent: bool)
     )
 
 
-def _paper_task(
-    problem: Problem, wanted: Plan, parameters: TrebuchetParameters | None, tolerance: float
-) -> _Task | str:
+def _paper_task(problem: Problem, plan: Plan, parameters: TrebuchetParameters | None, tolerance: float) -> _Task | str:
     mechanism = problem.mechanism
     if importlib.util.find_spec("sympy") is None:
         return "the paper's equations: SymPy is not installed"
@@ -279,12 +277,12 @@ def _paper_task(
     def compute() -> Values:
         from .paper import solve_paper  # SymPy takes most of a second to import
 
-        return read_quantities(solve_paper(chosen, mechanism.name == "rolling", problem.duration, tolerance), wanted)
+        return read_quantities(solve_paper(chosen, mechanism.name == "rolling", problem.duration, tolerance), plan)
 
     return _Task(computation, compute, optional=True)
 
 
-def _taylor_tasks(problem: Problem, wanted: Plan) -> Iterator[_Task | str]:
+def _taylor_tasks(problem: Problem, plan: Plan) -> Iterator[_Task | str]:
     precisions: dict[Precision, int] = {"double": 64, "extended": 80}
     for precision, bits in precisions.items():
         name = f"taylor, {precision}"
@@ -298,13 +296,13 @@ def _taylor_tasks(problem: Problem, wanted: Plan) -> Iterator[_Task | str]:
             tolerance=None,
             independent=True,
         )
-        yield _Task(computation, partial(_taylor_values, problem, wanted, precision), optional=True)
+        yield _Task(computation, partial(_taylor_values, problem, plan, precision), optional=True)
 
 
-def _taylor_values(problem: Problem, wanted: Plan, precision: Precision) -> Values:
+def _taylor_values(problem: Problem, plan: Plan, precision: Precision) -> Values:
     from ..taylor.solve import solve_taylor, taylor_quantities  # heyoka takes a second to import
 
-    read = read_quantities(MinimalMotion(solve_taylor(problem, precision=precision)), wanted)
+    read = read_quantities(MinimalMotion(solve_taylor(problem, precision=precision)), plan)
     own = taylor_quantities(problem, precision)  # located and evaluated on the series itself, in its own precision
     direct: dict[tuple[str, str | None, str], Any] = {
         ("launch_time", None, ""): own.launch_time,
@@ -321,10 +319,10 @@ def _taylor_values(problem: Problem, wanted: Plan, precision: Precision) -> Valu
 def _versions() -> dict[str, str]:
     from ...version import __version__
 
-    found = {"trebucheck": __version__, "python": platform.python_version()}
+    versions = {"trebucheck": __version__, "python": platform.python_version()}
     for package in ("numpy", "scipy", "heyoka", "sympy"):
         try:
-            found[package] = importlib.metadata.version(package)
+            versions[package] = importlib.metadata.version(package)
         except importlib.metadata.PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+            versions[package] = "not installed"
+    return versions

@@ -176,10 +176,10 @@ def _downward_zero_crossing(
 
     before, from_time = at(start), start
     for time in start + _SAMPLES * (step.end - start):
-        here = at(float(time))
-        if before >= 0 > here:
+        after = at(float(time))
+        if before >= 0 > after:
             return float(brentq(at, from_time, float(time), xtol=1e-15, rtol=1e-15))
-        before, from_time = here, float(time)
+        before, from_time = after, float(time)
     return None
 
 

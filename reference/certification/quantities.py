@@ -88,75 +88,75 @@ def plan(mechanism: Mechanism, motion: Motion, end: float) -> Plan:
     return Plan(mechanism, tuple(times), halfway, grid, motion.launch is not None)
 
 
-def read_quantities(motion: Motion, wanted: Plan) -> dict[Key, float]:
+def read_quantities(motion: Motion, plan: Plan) -> dict[Key, float]:
     """All quantities of the plan."""
     parts = [_start, _releases, _torques, _grid]
-    if wanted.launches:
+    if plan.launches:
         parts += [_launch, _rightmost, _best_release, _largest_ratio]
-    found = {key: float(value) for part in parts for key, value in part(motion, wanted)}
-    return {key: value for key, value in found.items() if math.isfinite(value)}
+    values = {key: float(value) for part in parts for key, value in part(motion, plan)}
+    return {key: value for key, value in values.items() if math.isfinite(value)}
 
 
-_Found = Iterator[tuple[Key, float]]
+_KeyedValues = Iterator[tuple[Key, float]]
 
 
-def _start(motion: Motion, wanted: Plan) -> _Found:
+def _start(motion: Motion, plan: Plan) -> _KeyedValues:
     torques = motion.stop_torques(0.0)
-    for stop in wanted.mechanism.stops:
+    for stop in plan.mechanism.stops:
         if stop.closed:
             yield Key("stop_torque", stop.name, "start", stop.force_unit), torques[stop.name]
     yield Key("total_energy", None, "start", "J"), motion.energy(0.0)
 
 
-def _releases(motion: Motion, wanted: Plan) -> _Found:
-    for name in wanted.releases:
+def _releases(motion: Motion, plan: Plan) -> _KeyedValues:
+    for name in plan.releases:
         time = motion.release_times[name]
         if time is None:
             continue
         yield Key("release_time", name, "", "s"), time
-        yield from _coordinates(motion, wanted, time, f"release of {name}")
+        yield from _coordinates(motion, plan, time, f"release of {name}")
 
 
-def _coordinates(motion: Motion, wanted: Plan, time: float, at: str) -> _Found:
+def _coordinates(motion: Motion, plan: Plan, time: float, at: str) -> _KeyedValues:
     q, _ = motion.state(time)
-    for i, name in enumerate(wanted.mechanism.coordinates):
-        yield Key("coordinate", name, at, "rad" if i < len(wanted.mechanism.bodies) else "m"), q[i]
+    for i, name in enumerate(plan.mechanism.coordinates):
+        yield Key("coordinate", name, at, "rad" if i < len(plan.mechanism.bodies) else "m"), q[i]
 
 
-def _torques(motion: Motion, wanted: Plan) -> _Found:
-    for name, time in wanted.halfway.items():
-        unit = wanted.mechanism.stop(name).force_unit
+def _torques(motion: Motion, plan: Plan) -> _KeyedValues:
+    for name, time in plan.halfway.items():
+        unit = plan.mechanism.stop(name).force_unit
         yield Key("stop_torque", name, f"{time:g} s", unit, time), motion.stop_torques(time)[name]
 
 
-def _grid(motion: Motion, wanted: Plan) -> _Found:
-    if PROJECTILE not in {marker.name for marker in wanted.mechanism.markers}:
+def _grid(motion: Motion, plan: Plan) -> _KeyedValues:
+    if PROJECTILE not in {marker.name for marker in plan.mechanism.markers}:
         return
-    for time in wanted.grid:
+    for time in plan.grid:
         yield from _position(motion, PROJECTILE, time, f"{time:g} s", time)
 
 
-def _position(motion: Motion, name: str, time: float, at: str, instant: float | None = None) -> _Found:
+def _position(motion: Motion, name: str, time: float, at: str, instant: float | None = None) -> _KeyedValues:
     x, y = motion.marker(name, time)[0]
     yield Key("position_x", name, at, "m", instant), x
     yield Key("position_y", name, at, "m", instant), y
 
 
-def _launch(motion: Motion, wanted: Plan) -> _Found:
+def _launch(motion: Motion, plan: Plan) -> _KeyedValues:
     launch = motion.launch
     if launch is None:
         return
     yield Key("launch_time", None, "", "s"), launch.time
     yield Key("launch_speed", None, "", "m/s"), launch.speed
-    yield from _coordinates(motion, wanted, launch.time, "launch")
+    yield from _coordinates(motion, plan, launch.time, "launch")
     yield from _position(motion, PROJECTILE, launch.time, "launch")
-    yield Key("range", None, "launch", "m"), vacuum_range(motion, wanted.mechanism.gravity, launch.time)
-    yield Key("energy_ratio", None, "launch", "1"), _energy_ratio(motion, wanted.mechanism)(launch.time)
+    yield Key("range", None, "launch", "m"), vacuum_range(motion, plan.mechanism.gravity, launch.time)
+    yield Key("energy_ratio", None, "launch", "1"), _energy_ratio(motion, plan.mechanism)(launch.time)
 
 
-def _rightmost(motion: Motion, wanted: Plan) -> _Found:
+def _rightmost(motion: Motion, plan: Plan) -> _KeyedValues:
     launch = motion.launch
-    if launch is None or COUNTERWEIGHT not in {marker.name for marker in wanted.mechanism.markers}:
+    if launch is None or COUNTERWEIGHT not in {marker.name for marker in plan.mechanism.markers}:
         return
     yield Key("position_x", COUNTERWEIGHT, "start", "m"), motion.marker(COUNTERWEIGHT, 0.0)[0][0]
 
@@ -168,9 +168,9 @@ def _rightmost(motion: Motion, wanted: Plan) -> _Found:
         yield Key("position_x_max", COUNTERWEIGHT, "before launch", "m"), motion.marker(COUNTERWEIGHT, time)[0][0]
 
 
-def _best_release(motion: Motion, wanted: Plan) -> _Found:
+def _best_release(motion: Motion, plan: Plan) -> _KeyedValues:
     """The release with the longest flight without air, near the launch."""
-    launch, g = motion.launch, wanted.mechanism.gravity
+    launch, g = motion.launch, plan.mechanism.gravity
     if launch is None or g == 0:
         return
     time = _near(motion, launch, lambda t: vacuum_range(motion, g, t), lambda t: _range_rate(motion, g, t))
@@ -182,11 +182,11 @@ def _best_release(motion: Motion, wanted: Plan) -> _Found:
         yield Key("best_range", None, "longest range", "m"), vacuum_range(motion, g, time)
 
 
-def _largest_ratio(motion: Motion, wanted: Plan) -> _Found:
+def _largest_ratio(motion: Motion, plan: Plan) -> _KeyedValues:
     launch = motion.launch
     if launch is None or not motion.energy(0.0):
         return
-    ratio = _energy_ratio(motion, wanted.mechanism)
+    ratio = _energy_ratio(motion, plan.mechanism)
     time = _near(motion, launch, lambda t: _speed_rate(motion, t)[0], lambda t: _speed_rate(motion, t)[1])
     if time is not None:
         yield Key("largest_ratio_time", None, "fastest", "s"), time

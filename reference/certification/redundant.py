@@ -62,12 +62,12 @@ class RedundantSystem:
         for joint in mechanism.tree_joints:
             body, i = mechanism.body(joint.child), 3 * self._index[joint.child]
             x[i + 2], v[i + 2] = q[body.angle], u[body.angle]
-            place, speed = self._point(x, v, joint.parent, joint.parent_point)
+            position, speed = self._point(x, v, joint.parent, joint.parent_point)
             if isinstance(joint, SlotJoint) and joint.coordinate is not None:
-                place = place + q[joint.coordinate] * np.array(joint.axis)
+                position = position + q[joint.coordinate] * np.array(joint.axis)
                 speed = speed + u[joint.coordinate] * np.array(joint.axis)
             arm, turn = self._arm(x[i + 2], body, joint.child_point)
-            x[i : i + 2], v[i : i + 2] = place - arm, speed - v[i + 2] * turn
+            x[i : i + 2], v[i : i + 2] = position - arm, speed - v[i + 2] * turn
         return np.concatenate([x, v])
 
     def rates(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
@@ -131,9 +131,9 @@ class RedundantSystem:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Position [m], velocity [m/s] and acceleration [m/s^2] of a body's point, each (2,)."""
         x, v, i = y[: self.n], y[self.n :], 3 * self._index[body]
-        place, speed = self._point(x, v, body, point)
+        position, speed = self._point(x, v, body, point)
         arm, turn = self._arm(x[i + 2], self.mechanism.body(body), point)
-        return place, speed, a[i : i + 2] + a[i + 2] * turn - v[i + 2] ** 2 * arm
+        return position, speed, a[i : i + 2] + a[i + 2] * turn - v[i + 2] ** 2 * arm
 
     def energy(self, y: FloatArray) -> float:
         """Total energy [J], zero of potential at y = 0."""
@@ -228,8 +228,8 @@ class RedundantSystem:
         return x[i : i + 2] + arm, v[i : i + 2] + v[i + 2] * turn
 
     def _slide(self, x: FloatArray, joint: SlotJoint) -> float:
-        place, _ = self._point(x, x, joint.child, joint.child_point)
-        return float(np.dot(joint.axis, place - np.array(joint.parent_point)))
+        position, _ = self._point(x, x, joint.child, joint.child_point)
+        return float(np.dot(joint.axis, position - np.array(joint.parent_point)))
 
     def _jacobian(self, x: FloatArray, active: tuple[str, ...]) -> FloatArray:
         _, turns = self._arms(x)
@@ -280,8 +280,8 @@ class RedundantMotion:
 
     def marker(self, name: str, t: float) -> PointState:
         """Position [m], velocity [m/s] and acceleration [m/s^2] of a marker, each (2,)."""
-        found = next(marker for marker in self.system.mechanism.markers if marker.name == name)
-        return self.system.point(self.motion.state(t), self.accelerations(t), found.body, found.point)
+        marker_model = next(marker for marker in self.system.mechanism.markers if marker.name == name)
+        return self.system.point(self.motion.state(t), self.accelerations(t), marker_model.body, marker_model.point)
 
     def stop_torques(self, t: float) -> dict[str, float]:
         """Torque of every stop [N m]; 0 where it is open."""
@@ -305,15 +305,15 @@ class RedundantMotion:
     @cached_property
     def _launch(self) -> Launch | None:
         mechanism = self.system.mechanism
-        found = mechanism.marker("projectile")
-        if found is None:
+        projectile = mechanism.marker("projectile")
+        if projectile is None:
             return None
-        opened = [self.release_times[stop.name] for stop in mechanism.stops if stop.body == found.body]
+        opened = [self.release_times[stop.name] for stop in mechanism.stops if stop.body == projectile.body]
         after = max((time for time in opened if time is not None), default=0.0)
         none = np.zeros(self.system.n)
 
         def velocity(y: FloatArray) -> FloatArray:
-            return self.system.point(y, none, found.body, found.point)[1]
+            return self.system.point(y, none, projectile.body, projectile.point)[1]
 
         return self.motion.first_launch(velocity, after)
 

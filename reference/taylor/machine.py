@@ -183,7 +183,7 @@ def _products(centres: Complex, masses: Real, inertias: Real, angles: NDArray[np
 
 def _projectile_row(mechanism: Mechanism, kinematics: Kinematics) -> NDArray[np.complex128]:
     """Coefficients of the projectile's position; zeros where a machine throws nothing."""
-    found = mechanism.marker(PROJECTILE)
-    if found is None:
+    projectile = mechanism.marker(PROJECTILE)
+    if projectile is None:
         return np.zeros(len(kinematics.is_angle), dtype=np.complex128)
-    return kinematics.point(found.body, found.point).coefficients
+    return kinematics.point(projectile.body, projectile.point).coefficients

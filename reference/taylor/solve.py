@@ -106,17 +106,17 @@ def taylor_quantities(
     """
     run = _Integration(problem, tolerance, precision)
     run.integrate(to_launch=True)
-    found = run.launched
-    velocity = None if found is None else run.projectile_velocity(found.q, found.u)
+    launch = run.launched
+    velocity = None if launch is None else run.projectile_velocity(launch.q, launch.u)
     return TaylorQuantities(
         precision=precision,
         release_times=run.release_times,
         start_torques=run.start_torques(),
-        launch_time=None if found is None else found.time,
+        launch_time=None if launch is None else launch.time,
         launch_speed=None if velocity is None else np.hypot(*velocity),
         launch_velocity=velocity,
-        launch_q=None if found is None else found.q,
-        launch_u=None if found is None else found.u,
+        launch_q=None if launch is None else launch.q,
+        launch_u=None if launch is None else launch.u,
     )
 
 
@@ -316,13 +316,13 @@ class _Integration:
         if not opening:
             return {}
         a = self.equations.solve(initial.q, initial.u, initial.closed)[0]
-        found: dict[int, float] = {}
+        clearing_times: dict[int, float] = {}
         for stop, (gap, speed) in opening.items():
             acceleration = float(
                 self.kinematics.gap_jacobian(stop, initial.q) @ a + self.kinematics.gap_bias(stop, initial.q, initial.u)
             )
-            found[self.stops.index(stop)] = _time_to_clear(_CLEAR + max(-gap, 0.0), speed, acceleration)
-        return found
+            clearing_times[self.stops.index(stop)] = _time_to_clear(_CLEAR + max(-gap, 0.0), speed, acceleration)
+        return clearing_times
 
     def _gap(self, stop: str, state: FloatArray) -> tuple[float, float]:
         """Gap and gap speed of a stop [rad, rad/s]."""

@@ -91,8 +91,8 @@ class TaylorSystem:
                 function = active * torque + watched * self._gap(k) + (1.0 - active - watched)
             functions.append(function)
         if self.structure.throws:
-            wanted = self._par(self.structure.launch)
-            functions.append(wanted * self._lead + (1.0 - wanted))
+            launch_active = self._par(self.structure.launch)
+            functions.append(launch_active * self._lead + (1.0 - launch_active))
         return functions
 
     def _par(self, index: int) -> Any:
@@ -105,13 +105,13 @@ class TaylorSystem:
         flat = np.empty(len(indices), dtype=object)
         for i, (index, present) in enumerate(zip(indices, self.structure.present, strict=True)):
             flat[i] = self._par(int(index)) if present else None
-        found: dict[str, np.ndarray[Any, Any]] = {}
+        sections: dict[str, np.ndarray[Any, Any]] = {}
         start = 0
         for name, shape in self.structure.sections.items():
             size = int(np.prod(shape))
-            found[name] = flat[start : start + size].reshape(shape)
+            sections[name] = flat[start : start + size].reshape(shape)
             start += size
-        return found
+        return sections
 
     def _wave(self, section: str, at: tuple[int, ...], i: int, j: int | None = None) -> _Wave:
         """Re and Im of z e^{i(q_i - q_j)}, the phase of a slide being none."""
@@ -140,13 +140,13 @@ class TaylorSystem:
     def _gap(self, k: int) -> Any:
         row = self.structure.gap_rows[k]
         if row is None:
-            waves = [self._place(self.structure.point_stops.index(k), j) for j in range(self.structure.n_q)]
+            waves = [self._gap_term(self.structure.point_stops.index(k), j) for j in range(self.structure.n_q)]
             return _sum([*waves, _minus(self._numbers["limits"][k])])
         turned = [q if sense > 0 else -q for q, sense in zip(self.q, row, strict=False) if sense]
         return _sum([*turned, _minus(self._numbers["limits"][k])])
 
-    def _place(self, point: int, j: int) -> Any:
-        """The share of a coordinate in a point stop's gap: Im of its gradient's wave; of a slide, itself times Re."""
+    def _gap_term(self, point: int, j: int) -> Any:
+        """The term of one coordinate in a point stop's gap: Im of its gradient's wave; of a slide, itself times Re."""
         real, imaginary = self._wave("points", (point, j), j)
         return _times(real, self.q[j]) if j >= self.structure.n_angles else imaginary
 
@@ -232,16 +232,16 @@ def solve_ldl(matrix: dict[tuple[int, int], Any], right: Sequence[Any], order: S
         order: of elimination.
     """
     a, b = dict(matrix), list(right)
-    for place, k in enumerate(order):
-        below = [i for i in order[place + 1 :] if (i, k) in a]
+    for step, k in enumerate(order):
+        below = [i for i in order[step + 1 :] if (i, k) in a]
         factors = {i: a[i, k] / a[k, k] for i in below}
         for i, factor in factors.items():
             for j in below:
                 a[i, j] = _sum([a.get((i, j)), -(factor * a[j, k])])
             b[i] = _sum([b[i], _minus(_times(factor, b[k]))])
     x: dict[int, Any] = {}
-    for place, k in reversed(list(enumerate(order))):
-        rest = [_minus(_times(a.get((k, i)), x[i])) for i in order[place + 1 :]]
+    for step, k in reversed(list(enumerate(order))):
+        rest = [_minus(_times(a.get((k, i)), x[i])) for i in order[step + 1 :]]
         x[k] = _sum([b[k], *rest])
         x[k] = None if x[k] is None else x[k] / a[k, k]
     return [x[k] if x[k] is not None else 0.0 for k in range(len(right))]

@@ -72,11 +72,11 @@ class Member:
 
 def members(mechanism: Mechanism) -> tuple[Member, ...]:
     """Massless rods and other bodies whose parent is not the ground; a centre on its joint defines no axis."""
-    found: list[Member] = []
+    selected: list[Member] = []
     for body, joint in zip(mechanism.bodies, mechanism.tree_joints, strict=True):
         if body.centre != joint.child_point and (body.inertia == 0 or joint.parent != GROUND):
-            found.append(Member(body, joint, _is_two_force(mechanism, body, joint)))
-    return tuple(found)
+            selected.append(Member(body, joint, _is_two_force(mechanism, body, joint)))
+    return tuple(selected)
 
 
 def _is_two_force(mechanism: Mechanism, body: Body, own: PinJoint | SlotJoint) -> bool:
@@ -192,10 +192,10 @@ def _largest(value: Callable[[FloatArray], FloatArray], times: FloatArray) -> tu
     low, high = float(times[max(i - 1, 0)]), float(times[min(i + 1, len(times) - 1)])
     if low == high:
         return float(times[i]), float(samples[i])
-    found: Any = minimize_scalar(
+    optimum: Any = minimize_scalar(
         lambda t: -float(value(np.array([t]))[0]), bounds=(low, high), method="bounded", options={"xatol": 1e-10}
     )
-    return max((float(times[i]), float(samples[i])), (float(found.x), -float(found.fun)), key=lambda pair: pair[1])
+    return max((float(times[i]), float(samples[i])), (float(optimum.x), -float(optimum.fun)), key=lambda pair: pair[1])
 
 
 def negative_intervals(
@@ -218,12 +218,12 @@ def negative_intervals(
     turns = np.flatnonzero(negative[1:] != negative[:-1])
     roots = [_root(value, float(times[i]), float(times[i + 1])) for i in turns]
     edges = [float(times[0])] * bool(negative[0]) + roots + [float(times[-1])] * bool(negative[-1])
-    found: list[Interval] = []
+    intervals: list[Interval] = []
     for start, end in list(pairwise(edges))[::2]:
         inside = samples[(times >= start) & (times <= end)]
         if np.min(inside, initial=0.0) < deep:
-            found.append((start, end))
-    return tuple(found)
+            intervals.append((start, end))
+    return tuple(intervals)
 
 
 def _root(value: Callable[[FloatArray], FloatArray], low: float, high: float) -> float:

@@ -163,8 +163,8 @@ class Projectile:
         outside = np.concatenate([[-np.inf], ranges, [-np.inf]])
         peaks = np.flatnonzero((ranges >= outside[:-2]) & (ranges >= outside[2:]) & np.isfinite(ranges))
         highest = peaks[np.argsort(-ranges[peaks], kind="stable")][:_CANDIDATES]
-        found = [self._refined(times, int(i), surroundings) for i in highest]
-        return max(found, key=lambda release: fly(release, surroundings).range, default=None)
+        candidates = [self._refined(times, int(i), surroundings) for i in highest]
+        return max(candidates, key=lambda release: fly(release, surroundings).range, default=None)
 
     def _scan(self, times: FloatArray, surroundings: Surroundings) -> FloatArray:
         """Ranges [m], shape (n,); -inf where nothing lands, or where drag cannot but leave less than the best.

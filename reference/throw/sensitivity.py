@@ -198,8 +198,8 @@ def _integrated(
 
     def rates(t: float, y: FloatArray) -> FloatArray:
         q, u, dq, du = _unpacked(y, n_q)
-        found = equations.tangent(q, u, dq, du, closed)
-        return np.concatenate([u, found.a, np.concatenate([du, found.da], axis=1).ravel()])
+        tangent = equations.tangent(q, u, dq, du, closed)
+        return np.concatenate([u, tangent.a, np.concatenate([du, tangent.da], axis=1).ravel()])
 
     stepper = DOP853(rates, start, y, end, rtol=tol, atol=tol)
     while stepper.status == "running":
@@ -221,16 +221,18 @@ def marker_tangent(equations: VariationalEquations, state: StateTangent, marker:
     """A marker at a state, and its derivatives along the directions at that fixed time."""
     kinematics, q, u = equations.kinematics, state.q, state.u
     at = next(i for i, m in enumerate(equations.mechanism.markers) if m.name == marker)
-    found = equations.mechanism.markers[at]
-    row = kinematics.point(found.body, found.point)
+    marker_model = equations.mechanism.markers[at]
+    row = kinematics.point(marker_model.body, marker_model.point)
     phasors, rates, turn = kinematics.phasors(q), kinematics.rates(q), -1j * kinematics.is_angle * state.dq
     d_position = (rates * state.dq) @ row.coefficients
     d_velocity = (rates * (turn * u + state.du)) @ row.coefficients
     for j, tangent in enumerate(equations.tangents):
-        moved = Kinematics(tangent).point(found.body, tangent.markers[at].point)
+        moved = Kinematics(tangent).point(marker_model.body, tangent.markers[at].point)
         d_position[j] += moved.offset + phasors @ moved.coefficients
         d_velocity[j] += (rates * u) @ moved.coefficients
-    position, velocity, acceleration = kinematics.point_motion(found, q, u, equations.solve(q, u, state.closed)[0])
+    position, velocity, acceleration = kinematics.point_motion(
+        marker_model, q, u, equations.solve(q, u, state.closed)[0]
+    )
     return PointTangent(
         position=position,
         velocity=velocity,
@@ -336,10 +338,10 @@ def _refuse_another_machine(build: Callable[[TrebuchetParameters], Mechanism], p
     other = {name: value * 1.01 + 0.001 * (i + 1) for i, (name, value) in enumerate(values.items())}
     first = numbers(build(parameters))
     second = numbers(build(parameters.model_copy(update=other)))
-    for found, at in ((first, values), (second, other)):
+    for actual, at in ((first, values), (second, other)):
         expected = first | whipper_numbers(at)
-        for name in expected | found:
-            a, b = found.get(name), expected.get(name)
+        for name in expected | actual:
+            a, b = actual.get(name), expected.get(name)
             if a is None or b is None or abs(a - b) > _SAME * max(1.0, abs(a), abs(b)):
                 raise InputError(
                     f"build makes {name} = {a!r} where the whipper trebuchet has {b!r}; sensitivities to its "
@@ -354,17 +356,17 @@ def sensitivities_of(name: str, parameters: TrebuchetParameters) -> tuple[Sensit
         InputError: there is no such machine, or it does not launch.
     """
     model(name, parameters)  # refuses an unknown name before long work
-    found = sensitivities(lambda p: model(name, p), parameters)
+    derivatives = sensitivities(lambda p: model(name, p), parameters)
     return tuple(
         Sensitivity(
             name=each,
-            value=float(found.values[i]),
+            value=float(derivatives.values[i]),
             unit=_unit(each),
-            launch_time=float(found.d_launch_time[i]),
-            launch_speed=float(found.d_launch_speed[i]),
-            range=None if math.isnan(found.d_range[i]) else float(found.d_range[i]),
+            launch_time=float(derivatives.d_launch_time[i]),
+            launch_speed=float(derivatives.d_launch_speed[i]),
+            range=None if math.isnan(derivatives.d_range[i]) else float(derivatives.d_range[i]),
         )
-        for i, each in enumerate(found.names)
+        for i, each in enumerate(derivatives.names)
     )
 
 

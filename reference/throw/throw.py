@@ -198,13 +198,13 @@ def _one_release(release: dict[str, float | None], best: bool) -> dict[str, floa
 def _placed(
     mechanism: Mechanism, density: float | None, drag_area: float | None, body: str | None
 ) -> tuple[Mechanism, Air]:
-    """The mechanism under the gravity of its place, and the air there."""
+    """The mechanism under the gravity of the named celestial body, if any, and the air."""
     if body is not None:
         if density is not None:
             raise InputError(f"body = {body!r} brings its own density; leave out density = {density!r}, or the body.")
-        place = world(body)
-        there = mechanism.model_copy(update={"gravity": place.gravity})
-        return there, Air(density=place.density if drag_area is not None else 0.0, drag_area=drag_area or 0.0)
+        location = world(body)
+        adapted = mechanism.model_copy(update={"gravity": location.gravity})
+        return adapted, Air(density=location.density if drag_area is not None else 0.0, drag_area=drag_area or 0.0)
     given = {"density": density, "drag_area": drag_area}
     air = Air(**{name: value for name, value in given.items() if value is not None})
     if (density is None) != (drag_area is None):
@@ -310,13 +310,13 @@ def _rest(solution: Solution, name: str, torque: float, until: float) -> RestFig
 
 
 def _warnings(of_members: Iterable[MemberForce], of_supports: Iterable[SupportForce]) -> list[str]:
-    found = [
+    slack_warnings = [
         f"the {m.name} is in compression {spoken(m.compressed)} (down to {m.peak_compression / 1e3:.4g} kN at "
         f"{m.peak_compression_time:.4g} s): a rope would be slack there"
         for m in of_members
         if m.two_force and m.compressed
     ]
-    return found + [
+    return slack_warnings + [
         f"the ground would have to pull the wheels of {s.joint!r} down {spoken(s.pulls_down)} (with up to "
         f"{-s.least / 1e3:.4g} kN at {s.least_time:.4g} s): they would lift off"
         for s in of_supports
@@ -333,12 +333,12 @@ def _passed_stops(solution: Solution, until: float) -> list[str]:
     """Warnings of stops that the motion passes through, as the release-once law lets it."""
     times = np.linspace(0.0, until, 1500)
     q = solution.motion(times).q
-    found: list[str] = []
+    warnings: list[str] = []
     for stop in solution.problem.mechanism.stops:
         through = np.flatnonzero(solution.equations.kinematics.gap(stop.name, q) < _THROUGH)
         if len(through):
-            found.append(
+            warnings.append(
                 f"the motion goes through the {stop.name!r} at {times[through[0]]:.4g} s, before the release: "
                 "a real machine would hit it there"
             )
-    return found
+    return warnings

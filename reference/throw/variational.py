@@ -128,33 +128,33 @@ class DataTangent:
 
 def _product_tangent(mechanism: Mechanism, tangent: Mechanism) -> ComplexArray:
     """D of K = C^H diag(m) C."""
-    here, there = Kinematics(mechanism), Kinematics(tangent)
-    mixed = (there.centres.conj().T * here.masses) @ here.centres
-    return mixed + mixed.conj().T + (here.centres.conj().T * there.masses) @ here.centres
+    base, derivative = Kinematics(mechanism), Kinematics(tangent)
+    mixed = (derivative.centres.conj().T * base.masses) @ base.centres
+    return mixed + mixed.conj().T + (base.centres.conj().T * derivative.masses) @ base.centres
 
 
 def _weight_tangent(mechanism: Mechanism, tangent: Mechanism) -> ComplexArray:
     """D of -i g C^H m."""
-    here, there = Kinematics(mechanism), Kinematics(tangent)
-    changed = there.centres.conj().T @ here.masses + here.centres.conj().T @ there.masses
-    return -1j * (tangent.gravity * (here.centres.conj().T @ here.masses) + mechanism.gravity * changed)
+    base, derivative = Kinematics(mechanism), Kinematics(tangent)
+    changed = derivative.centres.conj().T @ base.masses + base.centres.conj().T @ derivative.masses
+    return -1j * (tangent.gravity * (base.centres.conj().T @ base.masses) + mechanism.gravity * changed)
 
 
 def _loop_tangents(mechanism: Mechanism, tangent: Mechanism) -> ComplexArray:
     """D of each loop constraint's complex row, its constant part in the last column."""
     rows: list[ComplexArray] = []
     for joint, changed in zip(mechanism.loop_joints, tangent.loop_joints, strict=True):
-        moved = _apart(tangent, changed.name)
+        moved = _closure_coefficients(tangent, changed.name)
         if isinstance(joint, SlotJoint) and isinstance(changed, SlotJoint):
             # Distance from the slot's line: Re(conj(i axis) z); the axis itself may turn.
-            turned = _apart(mechanism, joint.name) * np.conj(1j * complex(*changed.axis))
+            turned = _closure_coefficients(mechanism, joint.name) * np.conj(1j * complex(*changed.axis))
             rows.append(moved * np.conj(1j * complex(*joint.axis)) + turned)
         else:
             rows += [moved, -1j * moved]
     return np.array(rows, dtype=np.complex128)
 
 
-def _apart(mechanism: Mechanism, name: str) -> ComplexArray:
+def _closure_coefficients(mechanism: Mechanism, name: str) -> ComplexArray:
     joint = next(joint for joint in mechanism.loop_joints if joint.name == name)
     kinematics = Kinematics(mechanism)
     parent = kinematics.point(joint.parent, joint.parent_point)
