@@ -42,8 +42,8 @@ for name, command in {
 app.add_typer(catalogue.models_app, name="models")
 
 
-def _show_version(asked: bool) -> None:
-    if asked:
+def _show_version(requested: bool) -> None:
+    if requested:
         from ..version import __version__
 
         typer.echo(f"trebucheck {__version__}")

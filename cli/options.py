@@ -52,10 +52,10 @@ def names(text: str, what: str) -> list[str]:
     Raises:
         InputError: the list is empty.
     """
-    found = [part.strip() for part in text.split(",") if part.strip()]
-    if not found:
+    names = [part.strip() for part in text.split(",") if part.strip()]
+    if not names:
         raise InputError(f"{what} is empty; at least one name is needed.")
-    return found
+    return names
 
 
 def assignments(texts: list[str] | None, option: str) -> dict[str, str]:
@@ -64,15 +64,15 @@ def assignments(texts: list[str] | None, option: str) -> dict[str, str]:
     Raises:
         InputError: a text has no '=', or a name stands twice.
     """
-    found: dict[str, str] = {}
+    values: dict[str, str] = {}
     for text in texts or []:
         name, separator, value = text.partition("=")
         if not separator or not name.strip() or not value.strip():
             raise InputError(f"{option} {text!r} must have the form NAME=VALUE.")
-        if name.strip() in found:
+        if name.strip() in values:
             raise InputError(f"{option} names {name.strip()!r} twice.")
-        found[name.strip()] = value.strip()
-    return found
+        values[name.strip()] = value.strip()
+    return values
 
 
 @dataclass(frozen=True)
@@ -109,8 +109,8 @@ class Chosen:
         from ..models.machines.parameters import TrebuchetParameters
         from ..models.machines.registry import models
 
-        found = self.of(name) if name in models() else None
-        return found if isinstance(found, TrebuchetParameters) else None
+        parameters = self.of(name) if name in models() else None
+        return parameters if isinstance(parameters, TrebuchetParameters) else None
 
     def _short_end(self, kind: type[Spec]) -> dict[str, float]:
         from ..models.machines.parameters import short_end
@@ -149,12 +149,12 @@ def machines(text: str, texts: list[str] | None, beam: float | None) -> list[Mec
     from ..models.mechanism import Mechanism
 
     chosen = parameters(texts, beam)
-    found: list[Mechanism] = []
+    mechanisms: list[Mechanism] = []
     for name in names(text, "--models"):
         if name.endswith(".json") and chosen:
             raise InputError(f"--set and --beam are for named machines; {name} holds its own values.")
-        found.append(Mechanism.load(Path(name)) if name.endswith(".json") else model(name, chosen.of(name)))
-    return found
+        mechanisms.append(Mechanism.load(Path(name)) if name.endswith(".json") else model(name, chosen.of(name)))
+    return mechanisms
 
 
 def machine(text: str, texts: list[str] | None, beam: float | None, command: str) -> Mechanism:
@@ -163,10 +163,10 @@ def machine(text: str, texts: list[str] | None, beam: float | None, command: str
     Raises:
         InputError: as :func:`machines`, or there are several.
     """
-    found = machines(text, texts, beam)
-    if len(found) != 1:
-        raise InputError(f"--model {text!r} names {len(found)} machines; `{command}` takes one.")
-    return found[0]
+    mechanisms = machines(text, texts, beam)
+    if len(mechanisms) != 1:
+        raise InputError(f"--model {text!r} names {len(mechanisms)} machines; `{command}` takes one.")
+    return mechanisms[0]
 
 
 def engine_names(text: str) -> list[str] | None:
@@ -195,9 +195,9 @@ def study(
     from ..models.files import refuse_unwritable
 
     store = Store(out / "trials", resume, out / "trials")
-    found = Study(models, engine_names(engines), store=store, timeout=timeout, **others)
+    study = Study(models, engine_names(engines), store=store, timeout=timeout, **others)
     refuse_unwritable(out)
-    return found
+    return study
 
 
 def engine_options(texts: list[str] | None) -> dict[str, Any]:

@@ -58,11 +58,11 @@ def recommend_command(
 
     if position is None and torque is None and release is None:
         raise InputError("nothing is asked; give at least one of --position, --torque and --release.")
-    asked = Asked(position=position, release=release, **(read_torque(torque) if torque is not None else {}))
+    target = Asked(position=position, release=release, **(read_torque(torque) if torque is not None else {}))
     chosen = options.parameters(assignments, beam)
     mechanism, own = options.machine(model, assignments, beam, "recommend"), model.strip().endswith(".json")
     parameters = None if own else chosen.of(model.strip())
     study = options.study([mechanism if own else model.strip()], engines, out, resume, timeout, parameters=parameters)
     with output.progress("references", 30) as show:
-        advice = recommend(replace(study, progress=show), asked, neighbours)
+        advice = recommend(replace(study, progress=show), target, neighbours)
     output.publish((out / "recommend.json", advice.to_json()), document(advice))

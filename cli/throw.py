@@ -86,7 +86,7 @@ def throw_command(
     performance = perform(mechanism, release, best=best, density=density, drag_area=drag_area, body=body, height=height)
     throw = performance.throw
     if sensitivities:
-        here = (chosen.whipper(model.strip()) or TrebuchetParameters()).model_copy(update={"g": throw.gravity})
-        throw = throw.model_copy(update={"sensitivities": sensitivities_of(model.strip(), here)})
+        parameters = (chosen.whipper(model.strip()) or TrebuchetParameters()).model_copy(update={"g": throw.gravity})
+        throw = throw.model_copy(update={"sensitivities": sensitivities_of(model.strip(), parameters)})
     data = out / "throw.json", throw.to_json()
     output.publish(data, document(performance, throw), out / "throw.html", "Page")

@@ -162,15 +162,15 @@ def complaints(run: Run) -> list[str]:
 
 def diagnosis(run: Run) -> list[str]:
     """When the run begins to differ from the reference and why, in sentences; none for a run that agrees."""
-    found = run.diagnosis
-    if found is None:
+    diagnosed = run.diagnosis
+    if diagnosed is None:
         return []
     when = "before any motion"
-    if found.parts_at is not None:
-        holding = ", ".join(found.holding) or "no stop"
-        when = f"from t = {found.parts_at:.6g} s, while {holding} held in the reference"
-    likely = "; ".join(_suspicion(cause) for cause in found.causes[:3]) or "no suspect accounts for it"
-    return [f"differs from the reference {when}, first in {found.leads}. Likeliest: {likely}."]
+    if diagnosed.parts_at is not None:
+        holding = ", ".join(diagnosed.holding) or "no stop"
+        when = f"from t = {diagnosed.parts_at:.6g} s, while {holding} held in the reference"
+    likely = "; ".join(_suspicion(cause) for cause in diagnosed.causes[:3]) or "no suspect accounts for it"
+    return [f"differs from the reference {when}, first in {diagnosed.leads}. Likeliest: {likely}."]
 
 
 def _suspicion(cause: Cause) -> str:

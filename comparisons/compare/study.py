@@ -38,12 +38,12 @@ class OnDemand(Mapping[_K, _V]):
     """A mapping whose values are made, once, when they are first asked for."""
 
     def __init__(self, makers: Mapping[_K, Callable[[], _V]]) -> None:
-        self._makers, self._made = dict(makers), dict[_K, _V]()
+        self._makers, self._values = dict(makers), dict[_K, _V]()
 
     def __getitem__(self, key: _K) -> _V:
-        if key not in self._made:
-            self._made[key] = self._makers[key]()
-        return self._made[key]
+        if key not in self._values:
+            self._values[key] = self._makers[key]()
+        return self._values[key]
 
     def __iter__(self) -> Iterator[_K]:
         return iter(self._makers)
@@ -251,15 +251,15 @@ class _MachineRuns:
             return _Simulated(equality, diagnosis, error=error)
         return _Simulated(equality, diagnosis, trajectory)
 
-    def add(self, case: Case, engine: Engine, found: _RunRecord | _Simulated) -> None:
+    def add(self, case: Case, engine: Engine, result: _RunRecord | _Simulated) -> None:
         """Take a finished run over, or measure a new one; in the order of the cases."""
-        if isinstance(found, _RunRecord):
-            self._files[case.label] = found.trajectory
+        if isinstance(result, _RunRecord):
+            self._files[case.label] = result.trajectory
             self.motions[case.label] = lambda: self._load(case)
-            self.runs.append(found.run)
+            self.runs.append(result.run)
         else:
             self.repeated = False
-            self.runs.append(self._measured(case, engine, found))
+            self.runs.append(self._measured(case, engine, result))
 
     def _load(self, case: Case) -> Trajectory:
         assert self.store is not None
@@ -277,7 +277,7 @@ class _MachineRuns:
     def _run_conditions(self, case: Case, engine: Engine) -> tuple[str, ...]:
         return self._conditions, engine_class(case.engine).version(), repr(sorted(engine.settings.items()))
 
-    def _measured(self, case: Case, engine: Engine, found: _Simulated) -> Run:
+    def _measured(self, case: Case, engine: Engine, simulated: _Simulated) -> Run:
         run = Run(
             model=case.model,
             engine=case.engine,
@@ -285,13 +285,13 @@ class _MachineRuns:
             outcome=Outcome.OK,
             engine_version=engine_class(case.engine).version(),
             settings=engine.settings,
-            equality=found.equality,
-            diagnosis=found.diagnosis,
+            equality=simulated.equality,
+            diagnosis=simulated.diagnosis,
         )
-        if found.equality is not None and not found.equality.holds:
-            return run.model_copy(update={"outcome": Outcome.UNEQUAL, "message": _unequal(found.equality)})
+        if simulated.equality is not None and not simulated.equality.holds:
+            return run.model_copy(update={"outcome": Outcome.UNEQUAL, "message": _unequal(simulated.equality)})
         try:
-            trajectory = found.motion()
+            trajectory = simulated.motion()
             reference = self.runner.reference(trajectory.t)
             metrics = measure(trajectory, self.runner.solution, self.runner.end, reference)
         except Exception as error:

@@ -95,9 +95,9 @@ def _lowered_most(site: Site) -> tuple[str, str]:
         if error is not None:
             left.append((error / site.error, refinement))
     lowered = sorted(
-        ((share, refinement) for share, refinement in left if share <= LOWERED), key=lambda found: found[0]
+        ((share, refinement) for share, refinement in left if share <= LOWERED), key=lambda lowering: lowering[0]
     )
     if not lowered:
         return "not found", f"none of {len(left)} other knobs, turned one notch, lowers it by a fifth"
-    told = "; ".join(f"{refinement.description} leaves {share:.2g}" for share, refinement in lowered[:_NAMED])
-    return lowered[0][1].cause, told
+    effects = "; ".join(f"{refinement.description} leaves {share:.2g}" for share, refinement in lowered[:_NAMED])
+    return lowered[0][1].cause, effects

@@ -48,8 +48,8 @@ def power_law(values: Sequence[float], errors: Sequence[float | None], uncertain
     order = np.argsort(values)
     x = np.array(values, dtype=np.float64)[order]
     y = np.array([np.nan if e is None or e <= uncertainty or e <= 0 else e for e in errors], dtype=np.float64)[order]
-    found = [law for law in _lines(x, y) if abs(law.exponent) * np.log(law.high / law.low) >= np.log(TENFOLD)]
-    return max(found, key=lambda law: abs(law.exponent) * np.log(law.high / law.low), default=None)
+    laws = [law for law in _lines(x, y) if abs(law.exponent) * np.log(law.high / law.low) >= np.log(TENFOLD)]
+    return max(laws, key=lambda law: abs(law.exponent) * np.log(law.high / law.low), default=None)
 
 
 def _lines(x: FloatArray, y: FloatArray) -> Iterator[PowerLaw]:
@@ -132,8 +132,8 @@ def limit(levels: Sequence[Level]) -> Extrapolated | None:
     """
     ladder = sorted(levels, key=lambda level: -level.step)
     triples = zip(ladder, ladder[1:], ladder[2:], strict=False)
-    found = [made for triple in triples if (made := _extrapolated(triple)) is not None]
-    return min(found, key=lambda made: made.estimate, default=None)
+    limits = [extrapolated for triple in triples if (extrapolated := _extrapolated(triple)) is not None]
+    return min(limits, key=lambda extrapolated: extrapolated.estimate, default=None)
 
 
 def observed_order(steps: Sequence[float], first: float, second: float) -> float | None:

@@ -105,8 +105,8 @@ def _lines(figure: go.Figure, study: Study, at: float = 0.5) -> None:
             x=[law.high, law.low], y=[law.at(law.high), law.at(law.low)], mode="lines", line=style,
             name=f"slope {law.exponent:.3f}", showlegend=False, row=1, col=column,
         )  # fmt: skip
-        place = law.low ** (1 - at) * law.high**at
+        label_x = law.low ** (1 - at) * law.high**at
         figure.add_annotation(
-            x=np.log10(place), y=np.log10(law.at(place)), text=exponent(law), showarrow=False, xanchor="right",
+            x=np.log10(label_x), y=np.log10(law.at(label_x)), text=exponent(law), showarrow=False, xanchor="right",
             yshift=9, row=1, col=column, font={"size": 12, "color": style["color"]},
         )  # fmt: skip

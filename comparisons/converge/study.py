@@ -83,8 +83,8 @@ _Plan = list[tuple[str, SweptParameter]]
 
 def _plan(names: Sequence[str], chosen: Sequence[str] | None) -> tuple[list[str], _Plan]:
     """Engines that are not installed, and every parameter to be swept of those that are."""
-    wanted = list(chosen) if chosen else None
-    every = [(name, parameter) for name in names for parameter in swept_parameters(name, wanted)]
+    parameters = list(chosen) if chosen else None
+    every = [(name, parameter) for name in names for parameter in swept_parameters(name, parameters)]
     if not every:
         raise InputError(f"none of the engines {', '.join(names)} has any of the knobs {', '.join(chosen or ())}.")
     absent = [name for name in names if not engine_class(name).is_installed()]

@@ -33,8 +33,8 @@ def check_and_diagnose(engine: Engine, mechanism: Mechanism) -> tuple[Equality, 
     Raises:
         TrebucheckError: the engine is not here, or cannot build the mechanism.
     """
-    found = check_model(engine, mechanism)
-    return found, None if found.holds else diagnose_model(engine, mechanism, found)
+    equality = check_model(engine, mechanism)
+    return equality, None if equality.holds else diagnose_model(engine, mechanism, equality)
 
 
 def diagnose_model(engine: Engine, mechanism: Mechanism, broken: Equality) -> Diagnosis:
@@ -72,65 +72,67 @@ def _unknown_stops(engine: Inspectable, mechanism: Mechanism, states: Sequence[S
                 yield Cause(name=f"{stop.name} missing", kind="law", explained=1.0)
 
 
-def _plain(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> Iterator[Cause]:
+def _plain(mechanism: Mechanism, states: Sequence[State], inspection: Inspection) -> Iterator[Cause]:
     """Causes that single quantities show: a wrong start, a stop at a wrong position, a missing stop."""
-    for i, (name, mine, theirs) in enumerate(zip(mechanism.coordinates, found.start, mechanism.start, strict=True)):
-        if abs(mine - theirs) > EXACT * max(1.0, abs(theirs)):
-            mistake = _mistaken(float(mine), theirs)
-            amount = mistake or f"{mine - theirs:+.3g} {'rad' if i < len(mechanism.bodies) else 'm'}"
+    for i, (name, value, right) in enumerate(
+        zip(mechanism.coordinates, inspection.start, mechanism.start, strict=True)
+    ):
+        if abs(value - right) > EXACT * max(1.0, abs(right)):
+            mistake = _mistaken(float(value), right)
+            amount = mistake or f"{value - right:+.3g} {'rad' if i < len(mechanism.bodies) else 'm'}"
             yield Cause(name=f"start of {name}", kind="start", amount=amount, explained=1.0 if mistake else _READ_OFF)
-    for name, gap in gap_errors(expected(mechanism, states), found.dynamics).items():
+    for name, gap in gap_errors(expected(mechanism, states), inspection.dynamics).items():
         if abs(gap) > EXACT and mechanism.stop(name).effort == "torque":
             amount = f"{math.degrees(gap):+.3g} deg"
             yield Cause(name=f"place of the {name}", kind="machine", amount=amount, explained=_READ_OFF)
     for stop in mechanism.stops:
-        pairs = zip(found.dynamics, states, strict=True)
+        pairs = zip(inspection.dynamics, states, strict=True)
         held = [d.stop_torques.get(stop.name) for d, state in pairs if stop.name in state.closed]
         if held and not any(held):
             # A stop at another position carries no torque either: its position is then the more likely cause.
             yield Cause(name=f"{stop.name} missing", kind="law", explained=_READ_OFF / 2)
 
 
-def _walls(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> Iterator[Cause]:
+def _walls(mechanism: Mechanism, states: Sequence[State], inspection: Inspection) -> Iterator[Cause]:
     """Walls at wrong positions, by the gaps alone: no other quantity may show a point that is off its wall."""
     right = expected(mechanism, states)
-    deviation = _gaps(right, found.dynamics, found.dynamics)
+    deviation = _gaps(right, inspection.dynamics, inspection.dynamics)
     if np.abs(deviation).max(initial=0.0) <= EXACT:
         return
     for suspect in wall_suspects(mechanism):
         gaps = expected(suspect.wrong, states).gaps
-        shown = [replace(mine, stop_gaps=theirs) for mine, theirs in zip(found.dynamics, gaps, strict=True)]
-        matched = match(deviation, _gaps(right, shown, found.dynamics))
+        faulty = [replace(dynamics, stop_gaps=wrong) for dynamics, wrong in zip(inspection.dynamics, gaps, strict=True)]
+        matched = match(deviation, _gaps(right, faulty, inspection.dynamics))
         if matched.explained > _TELLING:
             yield suspect.cause(matched.factor, _READ_OFF * matched.explained)
 
 
-def _mistaken(mine: float, theirs: float) -> str:
+def _mistaken(angle: float, right: float) -> str:
     """The common mistake that turns one angle into another; '' if there is none."""
-    size = max(1.0, abs(theirs))
-    degrees, radians = math.degrees(theirs), math.radians(theirs)
-    readings = {"sign": -theirs, "degrees for radians": degrees, "radians for degrees": radians}
-    return next((what for what, value in readings.items() if abs(mine - value) <= _ALIKE * size), "")
+    size = max(1.0, abs(right))
+    degrees, radians = math.degrees(right), math.radians(right)
+    readings = {"sign": -right, "degrees for radians": degrees, "radians for degrees": radians}
+    return next((what for what, value in readings.items() if abs(angle - value) <= _ALIKE * size), "")
 
 
-def _fitted(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> Iterator[Cause]:
+def _fitted(mechanism: Mechanism, states: Sequence[State], inspection: Inspection) -> Iterator[Cause]:
     """Suspects whose mechanisms differ from the right one in the same way, start and stops included."""
     right = expected(mechanism, states)
-    gaps = _gaps(right, found.dynamics, found.dynamics)
-    start = found.start - np.array(mechanism.start)
-    deviation = np.concatenate([scaled_differences(right, found.dynamics), start, gaps])
+    gaps = _gaps(right, inspection.dynamics, inspection.dynamics)
+    start = inspection.start - np.array(mechanism.start)
+    deviation = np.concatenate([scaled_differences(right, inspection.dynamics), start, gaps])
     if not np.isfinite(deviation).all() or not deviation.any():
         return
     for suspect in machine_suspects(mechanism):
         matched = _best(
             match(deviation, signature, fixed=suspect.scale == 0)
-            for signature in _signatures(mechanism, right, suspect.wrong, states, found)
+            for signature in _signatures(mechanism, right, suspect.wrong, states, inspection)
         )
         if matched.explained > _TELLING:
             yield suspect.cause(matched.factor, matched.explained)
     nothing = np.zeros(len(start) + len(gaps))
     for name, unit, equations in _other_laws(mechanism):
-        wrong = expected(mechanism, states, equations).as_dynamics(found.dynamics)
+        wrong = expected(mechanism, states, equations).as_dynamics(inspection.dynamics)
         matched = match(deviation, np.concatenate([scaled_differences(right, wrong), nothing]), fixed=not unit)
         if matched.explained > _TELLING:
             amount = f"{matched.factor * _SMALL:.3g} {unit}" if unit else ""
@@ -138,7 +140,7 @@ def _fitted(mechanism: Mechanism, states: Sequence[State], found: Inspection) ->
 
 
 def _best(matches: Iterable[Match]) -> Match:
-    return max(matches, key=lambda found: found.explained, default=Match(0.0, 0.0))
+    return max(matches, key=lambda candidate: candidate.explained, default=Match(0.0, 0.0))
 
 
 def _other_laws(mechanism: Mechanism) -> Iterator[tuple[str, str, Equations]]:
@@ -154,7 +156,7 @@ def _signatures(
     right: Expected,
     wrong: Mechanism,
     states: Sequence[State],
-    found: Inspection,
+    inspection: Inspection,
 ) -> Iterator[FloatArray]:
     """Signatures of a wrong mechanism, in an engine with absolute coordinates and in one that counts from its start.
 
@@ -165,18 +167,20 @@ def _signatures(
         return  # a missing stop: see _plain
     start = np.array(wrong.start) - np.array(mechanism.start)
     none = np.zeros_like(start)
-    for shift, shown_start in ((none, start), (start, start), (none, none)) if start.any() else ((none, none),):
-        there = expected(wrong, [replace(state, q=state.q + shift) for state in states])
-        shown = there.as_dynamics(found.dynamics)
-        shown = [replace(mine, stop_gaps=gaps) for mine, gaps in zip(shown, there.gaps, strict=True)]
-        yield np.concatenate([scaled_differences(right, shown), shown_start, _gaps(right, shown, found.dynamics)])
+    for shift, start_error in ((none, start), (start, start), (none, none)) if start.any() else ((none, none),):
+        faulty = expected(wrong, [replace(state, q=state.q + shift) for state in states])
+        exposed = faulty.as_dynamics(inspection.dynamics)
+        exposed = [replace(dynamics, stop_gaps=gaps) for dynamics, gaps in zip(exposed, faulty.gaps, strict=True)]
+        yield np.concatenate(
+            [scaled_differences(right, exposed), start_error, _gaps(right, exposed, inspection.dynamics)]
+        )
 
 
 def _gaps(right: Expected, dynamics: Sequence[Dynamics], like: Sequence[Dynamics]) -> FloatArray:
     """Errors of the stops' gaps [rad or m] where an engine exposes them; all states together count as one."""
     errors = [
-        mine.stop_gaps[name] - theirs[name]
-        for mine, theirs, shown in zip(dynamics, right.gaps, like, strict=True)
-        for name in shown.stop_gaps
+        engine_values.stop_gaps[name] - reference_gaps[name]
+        for engine_values, reference_gaps, exposed in zip(dynamics, right.gaps, like, strict=True)
+        for name in exposed.stop_gaps
     ]
     return np.array(errors) / math.sqrt(len(right.gaps))

@@ -65,9 +65,9 @@ def diagnose_motion(
 
 
 def _causes(case: _Case, engine: Engine, simulate: Simulate) -> Iterator[Cause]:
-    found = [*_machine_causes(case), *_law_causes(case), *_reading_causes(case)]
-    yield from found
-    if max((cause.explained for cause in found), default=0.0) < _CERTAIN:
+    causes = [*_machine_causes(case), *_law_causes(case), *_reading_causes(case)]
+    yield from causes
+    if max((cause.explained for cause in causes), default=0.0) < _CERTAIN:
         yield from _settings_causes(case, engine, simulate)
 
 
@@ -139,11 +139,11 @@ def _machine_causes(case: _Case) -> Iterator[Cause]:
         if signature is not None
     ]
     matched.sort(key=lambda pair: -pair[1].explained)
-    for rank, (suspect, found) in enumerate(matched):
-        refined = _refined(case, suspect, found.factor) if rank < _REFINED else None
-        factor, explained = refined or (found.factor, found.explained)
-        if max(explained, found.explained) > _TELLING:
-            yield suspect.cause(factor, max(explained, found.explained))
+    for rank, (suspect, fit) in enumerate(matched):
+        refined = _refined(case, suspect, fit.factor) if rank < _REFINED else None
+        factor, explained = refined or (fit.factor, fit.explained)
+        if max(explained, fit.explained) > _TELLING:
+            yield suspect.cause(factor, max(explained, fit.explained))
 
 
 def _refined(case: _Case, suspect: Suspect, factor: float) -> tuple[float, float] | None:
@@ -152,23 +152,23 @@ def _refined(case: _Case, suspect: Suspect, factor: float) -> tuple[float, float
     signature = None if larger is None else case.moved(larger.wrong)
     if signature is None:
         return None
-    found = match(case.deviation, signature)
-    return factor * found.factor, found.explained
+    fit = match(case.deviation, signature)
+    return factor * fit.factor, fit.explained
 
 
 def _law_causes(case: _Case) -> Iterator[Cause]:
     """Stops that open at other times than they should, or never; and forces of the wrong law."""
-    mine, theirs = case.whole.release_times, case.solution.release_times
+    engine_times, reference_times = case.whole.release_times, case.solution.release_times
     closed = [stop.name for stop in case.whole.mechanism.stops if stop.closed]
-    right: dict[str, float | None] = {name: theirs.get(name) for name in closed}
+    right: dict[str, float | None] = {name: reference_times.get(name) for name in closed}
     for name in closed:
-        opened = mine.get(name)
+        opened = engine_times.get(name)
         if opened != right[name]:
             amount = f"{_format_time(opened)} instead of {_format_time(right[name])}"
             yield from _release(case, name, amount, {**right, name: opened})
         if opened is not None:
             yield from _scheduled(case, f"{name} never opens", "", {**right, name: None})
-    own = {name: mine.get(name) for name in closed}
+    own = {name: engine_times.get(name) for name in closed}
     without = WithoutCentrifugal(case.whole.mechanism)
     yield from _scheduled(case, "velocity-dependent forces dropped", "", own, without)
 
@@ -180,9 +180,9 @@ def _release(case: _Case, stop: str, amount: str, releases: Mapping[str, float |
     if signature is None:
         return
     would = float(np.linalg.norm(signature))
-    shown = 1.0 - float(np.linalg.norm(case.deviation)) / would if would else 0.0
-    if shown > _TELLING:
-        yield Cause(name=f"reading of the {stop}'s release", kind="reading", amount=amount, explained=shown)
+    explained = 1.0 - float(np.linalg.norm(case.deviation)) / would if would else 0.0
+    if explained > _TELLING:
+        yield Cause(name=f"reading of the {stop}'s release", kind="reading", amount=amount, explained=explained)
 
 
 def _format_time(t: float | None) -> str:
@@ -197,9 +197,9 @@ def _scheduled(
     equations: WithoutCentrifugal | None = None,
 ) -> Iterator[Cause]:
     signature = _schedule(case, releases, equations)
-    found = Match(0.0, 0.0) if signature is None else match(case.deviation, signature, fixed=True)
-    if found.explained > _TELLING:
-        yield Cause(name=name, kind="law", amount=amount, explained=found.explained)
+    fit = Match(0.0, 0.0) if signature is None else match(case.deviation, signature, fixed=True)
+    if fit.explained > _TELLING:
+        yield Cause(name=name, kind="law", amount=amount, explained=fit.explained)
 
 
 def _schedule(
@@ -214,10 +214,10 @@ def _schedule(
 
 def _reading_causes(case: _Case) -> Iterator[Cause]:
     for reading in readings(case.solution, case.reference, case.step):
-        found = match(case.deviation, case.signature(reading.wrong))
-        if found.explained > _TELLING:
-            amount = reading.amount(found.factor)
-            yield Cause(name=reading.name, kind="reading", amount=amount, explained=found.explained)
+        fit = match(case.deviation, case.signature(reading.wrong))
+        if fit.explained > _TELLING:
+            amount = reading.amount(fit.factor)
+            yield Cause(name=reading.name, kind="reading", amount=amount, explained=fit.explained)
 
 
 def _settings_causes(case: _Case, engine: Engine, simulate: Simulate) -> Iterator[Cause]:
@@ -266,11 +266,11 @@ class Onset:
 def find_onset(c: Comparison, violated: Iterable[Metric]) -> Onset | None:
     """The earliest of all violated quantities; None where none of them belongs to a time."""
     times = {metric.label: _time(c, metric) for metric in violated}
-    found = {label: t for label, t in times.items() if t is not None}
-    if not found:
+    onsets = {label: t for label, t in times.items() if t is not None}
+    if not onsets:
         return None
-    first = min(found, key=lambda label: found[label])
-    return Onset(first, found[first], active_contacts_at(c.solution, found[first]))
+    first = min(onsets, key=lambda label: onsets[label])
+    return Onset(first, onsets[first], active_contacts_at(c.solution, onsets[first]))
 
 
 def active_contacts_at(solution: Solution, t: float) -> tuple[str, ...]:

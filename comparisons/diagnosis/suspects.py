@@ -318,11 +318,11 @@ def _touching(bare: Mechanism, stops: Sequence[Stop | PointStop]) -> tuple[Stop 
     kinematics, q = Kinematics(bare), np.array(bare.start)
     angle = {body.name: bare.start[i] for i, body in enumerate(bare.bodies)}
 
-    def place(body: str, point: Vector) -> complex:
+    def position(body: str, point: Vector) -> complex:
         return complex(*kinematics.position(kinematics.point(body, point), q))
 
     def moved(stop: Stop | PointStop) -> Stop | PointStop:
-        return stop.model_copy(update={stop.position_field: float(stop.component(angle.__getitem__, place))})
+        return stop.model_copy(update={stop.position_field: float(stop.component(angle.__getitem__, position))})
 
     return tuple(moved(stop) if stop.closed else stop for stop in stops)
 

@@ -66,12 +66,12 @@ class Expected:
         return tuple(
             Dynamics(
                 accelerations=self.accelerations[k],
-                stop_torques={name: self.torques[k].get(name, 0.0) for name in shown.stop_torques},
-                mass_matrix=None if shown.mass_matrix is None else self.mass[k],
-                forces=None if shown.forces is None else self.forces[k],
-                centres={name: self.centres[k, i] for i, name in enumerate(self.bodies) if name in shown.centres},
+                stop_torques={name: self.torques[k].get(name, 0.0) for name in exposed.stop_torques},
+                mass_matrix=None if exposed.mass_matrix is None else self.mass[k],
+                forces=None if exposed.forces is None else self.forces[k],
+                centres={name: self.centres[k, i] for i, name in enumerate(self.bodies) if name in exposed.centres},
             )
-            for k, shown in enumerate(like)
+            for k, exposed in enumerate(like)
         )
 
 
@@ -101,21 +101,21 @@ def expected(mechanism: Mechanism, states: Sequence[State], equations: Equations
 def scaled_differences(want: Expected, dynamics: Sequence[Dynamics]) -> FloatArray:
     """All exposed differences as one flat vector, each kind in units of its size: M, f, a, torques, centres."""
     parts: list[FloatArray] = []
-    for k, mine in enumerate(dynamics):
+    for k, engine_values in enumerate(dynamics):
         diagonal = np.sqrt(np.diag(want.mass[k]))
-        if mine.mass_matrix is not None:
-            parts.append((mine.mass_matrix - want.mass[k]) / np.outer(diagonal, diagonal))
-        if mine.forces is not None:
-            parts.append((mine.forces - want.forces[k]) / _scale_of(want.forces))
-        parts.append((mine.accelerations - want.accelerations[k]) / _scale_of(want.accelerations))
+        if engine_values.mass_matrix is not None:
+            parts.append((engine_values.mass_matrix - want.mass[k]) / np.outer(diagonal, diagonal))
+        if engine_values.forces is not None:
+            parts.append((engine_values.forces - want.forces[k]) / _scale_of(want.forces))
+        parts.append((engine_values.accelerations - want.accelerations[k]) / _scale_of(want.accelerations))
         for name, torque in want.torques[k].items():
             size = max(abs(torques.get(name, 0.0)) for torques in want.torques)
-            parts.append(np.array([(mine.stop_torques.get(name, math.nan) - torque) / size]))
+            parts.append(np.array([(engine_values.stop_torques.get(name, math.nan) - torque) / size]))
         reach = float(np.abs(want.centres).max()) or 1.0
         parts += [
-            (mine.centres[name] - want.centres[k, i]) / reach
+            (engine_values.centres[name] - want.centres[k, i]) / reach
             for i, name in enumerate(want.bodies)
-            if name in mine.centres
+            if name in engine_values.centres
         ]
     return np.concatenate([np.ravel(part) for part in parts])
 
@@ -130,15 +130,15 @@ def _scale_of(values: FloatArray) -> FloatArray:
     return np.maximum(scale, 1e-3 * scale.max())
 
 
-def _checks(mechanism: Mechanism, states: Sequence[State], found: Inspection) -> Iterator[Check]:
+def _checks(mechanism: Mechanism, states: Sequence[State], inspection: Inspection) -> Iterator[Check]:
     want = expected(mechanism, states)
-    yield from _start_and_mass(mechanism, found)
-    yield from _exact(mechanism, want, found.dynamics)
+    yield from _start_and_mass(mechanism, inspection)
+    yield from _exact(mechanism, want, inspection.dynamics)
     scale = _scale_of(want.accelerations)
-    mine = np.array([d.accelerations for d in found.dynamics])
-    yield _by_name("acceleration", mechanism.coordinates, np.abs(mine - want.accelerations), scale)
-    yield from _torques(want, found.dynamics)
-    errors = gap_errors(want, found.dynamics)
+    accelerations = np.array([d.accelerations for d in inspection.dynamics])
+    yield _by_name("acceleration", mechanism.coordinates, np.abs(accelerations - want.accelerations), scale)
+    yield from _torques(want, inspection.dynamics)
+    errors = gap_errors(want, inspection.dynamics)
     if errors:
         worst = max(errors, key=lambda name: abs(errors[name]))
         yield _exactly("stop position", worst, abs(errors[worst]), mechanism.stop(worst).gap_unit)
@@ -146,23 +146,24 @@ def _checks(mechanism: Mechanism, states: Sequence[State], found: Inspection) ->
 
 def gap_errors(want: Expected, dynamics: Sequence[Dynamics]) -> dict[str, float]:
     """Largest error of each stop's gap by the engine's own measure [rad or m]."""
-    found: dict[str, float] = {}
-    for mine, theirs in zip(dynamics, want.gaps, strict=True):
-        for name, gap in mine.stop_gaps.items():
-            found[name] = max(found.get(name, 0.0), gap - theirs[name], key=abs)
-    return found
+    errors: dict[str, float] = {}
+    for engine_values, reference_gaps in zip(dynamics, want.gaps, strict=True):
+        for name, gap in engine_values.stop_gaps.items():
+            errors[name] = max(errors.get(name, 0.0), gap - reference_gaps[name], key=abs)
+    return errors
 
 
-def _start_and_mass(mechanism: Mechanism, found: Inspection) -> Iterator[Check]:
+def _start_and_mass(mechanism: Mechanism, inspection: Inspection) -> Iterator[Check]:
     """Total mass and start."""
-    if found.total_mass is not None:
+    if inspection.total_mass is not None:
         total = sum(body.mass for body in mechanism.bodies)
-        yield _exactly("total mass", None, abs(found.total_mass - total) / total)
+        yield _exactly("total mass", None, abs(inspection.total_mass - total) / total)
     names = mechanism.coordinates
-    difference = np.abs(found.start - np.array(mechanism.start))
+    difference = np.abs(inspection.start - np.array(mechanism.start))
     yield _by_name("start", names, difference[None], np.maximum(1.0, np.abs(mechanism.start)))
     speeds = np.array(mechanism.start_speeds or [0.0] * len(names))
-    yield _by_name("start speed", names, np.abs(found.start_speeds - speeds)[None], np.maximum(1.0, np.abs(speeds)))
+    difference = np.abs(inspection.start_speeds - speeds)
+    yield _by_name("start speed", names, difference[None], np.maximum(1.0, np.abs(speeds)))
 
 
 def _exact(mechanism: Mechanism, want: Expected, dynamics: Sequence[Dynamics]) -> Iterator[Check]:
@@ -170,9 +171,9 @@ def _exact(mechanism: Mechanism, want: Expected, dynamics: Sequence[Dynamics]) -
     names = mechanism.coordinates
     bodies = [body.name for body in mechanism.bodies]
     if all(set(bodies) <= set(d.centres) for d in dynamics):
-        mine = np.array([[d.centres[name] for name in bodies] for d in dynamics])
+        centres = np.array([[d.centres[name] for name in bodies] for d in dynamics])
         reach = np.full(len(bodies), float(np.abs(want.centres).max()) or 1.0)
-        yield _by_name("centre of mass", bodies, np.linalg.norm(mine - want.centres, axis=2), reach)
+        yield _by_name("centre of mass", bodies, np.linalg.norm(centres - want.centres, axis=2), reach)
     masses = [d.mass_matrix for d in dynamics if d.mass_matrix is not None]
     if len(masses) == len(dynamics):
         size = np.sqrt(np.einsum("ni,nj->nij", *[np.einsum("nii->ni", want.mass)] * 2))
@@ -188,9 +189,9 @@ def _torques(want: Expected, dynamics: Sequence[Dynamics]) -> Iterator[Check]:
     names = dict.fromkeys(name for torques in want.torques for name in torques)
     for name in names:
         pairs = [(d.stop_torques.get(name), t[name]) for d, t in zip(dynamics, want.torques, strict=True) if name in t]
-        size = max(abs(theirs) for _, theirs in pairs)
-        missing = any(mine is None for mine, _ in pairs)
-        worst = max((abs(mine - theirs) for mine, theirs in pairs if mine is not None), default=0.0) / size
+        size = max(abs(reference) for _, reference in pairs)
+        missing = any(torque is None for torque, _ in pairs)
+        worst = max((abs(torque - reference) for torque, reference in pairs if torque is not None), default=0.0) / size
         yield _exactly("stop torque", name, None if missing else worst)
 
 
@@ -227,9 +228,9 @@ def random_states(mechanism: Mechanism, n: int = 24, seed: int = 20) -> tuple[St
     random = np.random.default_rng(seed)
     states = [_start(equations)]
     for k in range(n - 1):
-        found = _state(equations, sets[k % len(sets)], random)
-        if found is not None:
-            states.append(found)
+        state = _state(equations, sets[k % len(sets)], random)
+        if state is not None:
+            states.append(state)
     return tuple(states)
 
 

@@ -141,15 +141,15 @@ class _Study:
 
     def scaled(self, causes: Sequence[Cause]) -> dict[str, tuple[Deviation, float]]:
         """Deviations with one cause made larger, and by what factor."""
-        found: dict[str, tuple[Deviation, float]] = {}
+        deviations: dict[str, tuple[Deviation, float]] = {}
         for cause in causes:
             assert cause.scaling is not None
             try:
-                found[cause.name] = self._deviation([cause.scaling], cause.name), cause.scaling.leaves
+                deviations[cause.name] = self._deviation([cause.scaling], cause.name), cause.scaling.leaves
             except VariantFailedError as failure:
                 if cause.removal is None:  # with a removal, this is the second measure only
                     self.failed[cause.name] = str(failure)
-        return found
+        return deviations
 
     def quantities(
         self, chains: tuple[_Chain, _Chain], alone: dict[str, tuple[Deviation, float]]
@@ -158,7 +158,7 @@ class _Study:
         ideal = chains[0].deviations[-1]
         runs = [*chains[0].deviations, *chains[1].deviations, *(deviation for deviation, _ in alone.values())]
         near = self._last_bits([], (1, -1)), self._last_bits(self._removals(chains[0].causes), (1,))
-        found: list[Quantity] = []
+        quantities: list[Quantity] = []
         for name, whole in observed(self.base).items():
             if not all(name in observed(run) for run in runs):
                 continue
@@ -170,8 +170,8 @@ class _Study:
             # What is left is the ideal run, extrapolated with the base where a removal leaves a known part.
             weight = 1.0 + sum(_extrapolation(cause) for cause in chains[0].causes)
             left = math.hypot(weight * _noise(name, whole, ideal, near[1]), (weight - 1.0) * noise)
-            found.append(split(name, whole, parts, noise, left))
-        return tuple(found)
+            quantities.append(split(name, whole, parts, noise, left))
+        return tuple(quantities)
 
     def _part(
         self, cause: Cause, quantity: str, chains: tuple[_Chain, _Chain], alone: dict[str, tuple[Deviation, float]]
@@ -187,18 +187,18 @@ class _Study:
         return (observed(larger)[quantity].values - observed(self.base)[quantity].values) / (factor - 1.0)
 
     def _last_bits(self, done: Sequence[Intervention], signs: Sequence[int]) -> list[Deviation]:
-        found: list[Deviation] = []
+        deviations: list[Deviation] = []
         for sign in signs:
             try:
-                found.append(self._deviation(done, _ROUNDOFF, sign))
+                deviations.append(self._deviation(done, _ROUNDOFF, sign))
             except VariantFailedError as failure:
                 self.failed[_ROUNDOFF] = str(failure)
-        return found
+        return deviations
 
 
 def _noise(quantity: str, whole: Observed, run: Deviation, near: Sequence[Deviation]) -> float:
-    told = [observed(deviation) for deviation in near]
-    return noise_between(observed(run)[quantity].values, [t[quantity].values for t in told if quantity in t], whole)
+    nearby = [observed(deviation) for deviation in near]
+    return noise_between(observed(run)[quantity].values, [t[quantity].values for t in nearby if quantity in t], whole)
 
 
 def _extrapolation(cause: Cause) -> float:
@@ -240,16 +240,16 @@ class Observed:
 
 def observed(deviation: Deviation) -> dict[str, Observed]:
     """Every quantity a budget is made for, by its name; what the run does not tell is absent."""
-    found = {"position": Observed("m", deviation.quantity("position"), components=2)}
+    quantities = {"position": Observed("m", deviation.quantity("position"), components=2)}
     for stop in deviation.torques:
         unit = deviation.force_units.get(stop, "N m")
-        found[f"{stop} {'torque' if unit == 'N m' else 'force'}"] = Observed(unit, deviation.quantity(stop))
-    found["energy"] = Observed("J", deviation.quantity("energy"))
+        quantities[f"{stop} {'torque' if unit == 'N m' else 'force'}"] = Observed(unit, deviation.quantity(stop))
+    quantities["energy"] = Observed("J", deviation.quantity("energy"))
     for stop, time in deviation.release_times.items():
-        found[f"{stop} release"] = Observed("s", _single(time))
-    found["launch time"] = Observed("s", _single(deviation.launch_time))
-    found["launch speed"] = Observed("m/s", _single(deviation.launch_speed))
-    return {name: quantity for name, quantity in found.items() if np.isfinite(quantity.values).all()}
+        quantities[f"{stop} release"] = Observed("s", _single(time))
+    quantities["launch time"] = Observed("s", _single(deviation.launch_time))
+    quantities["launch speed"] = Observed("m/s", _single(deviation.launch_speed))
+    return {name: quantity for name, quantity in quantities.items() if np.isfinite(quantity.values).all()}
 
 
 def _single(value: float | None) -> FloatArray:
@@ -264,9 +264,9 @@ def orders(causes: Sequence[Cause]) -> tuple[tuple[Cause, ...], tuple[Cause, ...
     return _ordered(causes), _ordered(causes[::-1])
 
 
-def _ordered(wanted: Sequence[Cause]) -> tuple[Cause, ...]:
-    names = {cause.name for cause in wanted}
-    left, done = list(wanted), list[Cause]()
+def _ordered(causes: Sequence[Cause]) -> tuple[Cause, ...]:
+    names = {cause.name for cause in causes}
+    left, done = list(causes), list[Cause]()
     while left:
         gone = {cause.name for cause in done}
         ready = next((c for c in left if all(a in gone or a not in names for a in c.after)), left[0])

@@ -65,7 +65,7 @@ def document(explanation: Explanation) -> Document:
 
 def verdict(explanation: Explanation) -> str:
     """One line: how much of the errors is accounted for at worst."""
-    found = [
+    explained = [
         (quantity.explained, f"{quantity.name}, {budget.model} {budget.label}")
         for budget in explanation.budgets
         for quantity in main_quantities(budget)
@@ -73,9 +73,9 @@ def verdict(explanation: Explanation) -> str:
     ]
     failed = sum(budget.message is not None for budget in explanation.budgets)
     lost = f" {failed} run{'s' if failed != 1 else ''} failed." if failed else ""
-    if not found:
+    if not explained:
         return f"Nothing to explain.{lost}"
-    least, where = min(found)
+    least, where = min(explained)
     return f"{_downwards(least)} or more of every error shown is explained (least: {where}).{lost}"
 
 
@@ -178,12 +178,12 @@ def bars(quantities: Sequence[Quantity]) -> go.Figure:
 
 
 def _draw(chart: go.Figure, quantity: Quantity, column: int) -> None:
-    found = [*quantity.shares, quantity.rest]
-    causes = [share.cause for share in found]
-    values = [100.0 * (share.fraction or 0.0) for share in found]
+    shares = [*quantity.shares, quantity.rest]
+    causes = [share.cause for share in shares]
+    values = [100.0 * (share.fraction or 0.0) for share in shares]
     # Whiskers narrower than a bar's edge say nothing.
-    bands = [band if band >= 1.0 else 0.0 for band in (100.0 * share.interaction / quantity.rms for share in found)]
-    colours = [_UNEXPLAINED if share is quantity.rest else _COLOUR for share in found]
+    bands = [band if band >= 1.0 else 0.0 for band in (100.0 * share.interaction / quantity.rms for share in shares)]
+    colours = [_UNEXPLAINED if share is quantity.rest else _COLOUR for share in shares]
     whiskers = {"array": bands, "color": _BAND, "thickness": 1.2}
     chart.add_bar(
         x=values, y=causes, orientation="h", marker={"color": colours}, error_x=whiskers,
@@ -191,7 +191,7 @@ def _draw(chart: go.Figure, quantity: Quantity, column: int) -> None:
     )  # fmt: skip
     # Texts stand to the right of bar and whisker, also of a negative one: to its left are the causes' names.
     ends = [max(0.0, value) + band for value, band in zip(values, bands, strict=True)]
-    texts = [_text(share, quantity) for share in found]
+    texts = [_text(share, quantity) for share in shares]
     chart.add_scatter(
         x=ends, y=causes, mode="text", text=texts, textposition="middle right", hoverinfo="skip", cliponaxis=False,
         textfont={"size": 11}, row=1, col=column,

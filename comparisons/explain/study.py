@@ -75,12 +75,12 @@ def stock_against_tuned(trials: Trials, stock: Engine, tuned: Engine) -> StockAg
     changes = [
         Change(
             option=name,
-            stock=ours,
-            tuned=theirs,
-            alone=_changed(trials, stock, name, theirs),
-            back=_changed(trials, tuned, name, ours),
+            stock=stock_value,
+            tuned=tuned_value,
+            alone=_changed(trials, stock, name, tuned_value),
+            back=_changed(trials, tuned, name, stock_value),
         )
-        for name, ours, theirs in _differences(at_stock, tuned.settings)
+        for name, stock_value, tuned_value in _differences(at_stock, tuned.settings)
     ]
     return StockAgainstTuned(
         model=trials.mechanism.name,

@@ -32,7 +32,7 @@ class Case:
     """A machine with its trials and its accuracy target."""
 
     trials: Trials
-    asked: Asked
+    target: Asked
 
     @cached_property
     def largest_torque(self) -> float:
@@ -44,10 +44,10 @@ class Case:
     @cached_property
     def allowed(self) -> dict[str, float]:
         """Largest error allowed, by quantity, in its own unit."""
-        asked = self.asked
-        torque = asked.torque if asked.torque_share is None else asked.torque_share * self.largest_torque
-        found = {"position": asked.position, "torque": torque, "release": asked.release}
-        return {name: value for name, value in found.items() if value is not None}
+        target = self.target
+        torque = target.torque if target.torque_share is None else target.torque_share * self.largest_torque
+        limits = {"position": target.position, "torque": torque, "release": target.release}
+        return {name: value for name, value in limits.items() if value is not None}
 
     def refuse_what_cannot_be_judged(self) -> None:
         """Refuse a quantity that the machine does not have, or that its reference is not certain enough to judge.
@@ -94,9 +94,9 @@ class Case:
 
     def described(self, trial: Trial) -> Errors:
         """As the report has it."""
-        found = {name: value if math.isfinite(value) else None for name, value in self.errors(trial).items()}
-        torque, peak = found["torque"], self.largest_torque
-        return Errors(**found, torque_share=None if torque is None or peak == 0 else torque / peak)
+        errors = {name: value if math.isfinite(value) else None for name, value in self.errors(trial).items()}
+        torque, peak = errors["torque"], self.largest_torque
+        return Errors(**errors, torque_share=None if torque is None or peak == 0 else torque / peak)
 
 
 def unit_of(quantity: str, mechanism: Mechanism) -> str:

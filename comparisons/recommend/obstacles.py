@@ -90,12 +90,12 @@ def explain(search: Search, sweeps: Sequence[Sweep]) -> Verdict:
         return Verdict(Obstacle.FAILURE, messages[0] if messages else "a stop does not release")
     measured = search.over_all_steps(sweep, level.hardest)
     steps, errors = [h for h, _ in measured], [case.errors(trial) for _, trial in measured]
-    found = case.errors(level.trials[level.hardest])
+    hardest_errors = case.errors(level.trials[level.hardest])
     # The quantity that is furthest off; two of them have two causes, but the first must go before the second shows.
-    name = max(case.allowed, key=lambda name: found[name] / case.allowed[name])
+    name = max(case.allowed, key=lambda name: hardest_errors[name] / case.allowed[name])
     along = [error[name] for error in errors]
     verdict = classify(steps, along, case.allowed[name], case.unit(name))
-    least, step = min([(found[name], level.step), *zip(along, steps, strict=True)])
+    least, step = min([(hardest_errors[name], level.step), *zip(along, steps, strict=True)])
     reached = _reached(sweep, case, name, least, step, level.hardest)
     return Verdict(verdict.obstacle, f"{reached}; {verdict.sentence}.")
 

@@ -22,12 +22,12 @@ def document(advice: Advice) -> Document:
     return Document("Settings that reach the target", tuple(blocks), "trebucheck recommend")
 
 
-def _target(asked: Asked, mechanism: Mechanism) -> str:
+def _target(target: Asked, mechanism: Mechanism) -> str:
     """The accuracy target, in words."""
-    values = (("position", asked.position), ("torque", asked.torque), ("release", asked.release))
+    values = (("position", target.position), ("torque", target.torque), ("release", target.release))
     parts = [f"{name} within {value:g} {unit_of(name, mechanism)}" for name, value in values if value is not None]
-    if asked.torque_share is not None:
-        parts.append(f"torque within {100 * asked.torque_share:g} % of the largest")
+    if target.torque_share is not None:
+        parts.append(f"torque within {100 * target.torque_share:g} % of the largest")
     return ", ".join(parts) + ", up to the launch"
 
 

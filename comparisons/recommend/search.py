@@ -66,8 +66,8 @@ def ladder(characteristic_time: float) -> tuple[float, ...]:
     first = max(factor for factor in (1, 2, 5) if factor * 10.0**exponent <= longest * (1 + 1e-12))
     steps: list[float] = []
     for rung in range(RUNGS):
-        place = (1, 2, 5).index(first) - rung
-        steps.append(float(f"{(1, 2, 5)[place % 3]}e{exponent + place // 3}"))
+        position = (1, 2, 5).index(first) - rung
+        steps.append(float(f"{(1, 2, 5)[position % 3]}e{exponent + position // 3}"))
     return tuple(steps)
 
 
@@ -104,8 +104,8 @@ class Sweep:
         """The level of the longest step at which it reaches what is asked on all machines it must."""
         if self.dropped:
             return None
-        found = [level for level in self.levels.values() if level.reached]
-        return max(found, key=lambda level: level.step, default=None)
+        levels = [level for level in self.levels.values() if level.reached]
+        return max(levels, key=lambda level: level.step, default=None)
 
     @property
     def best(self) -> Level:
@@ -193,8 +193,8 @@ class Search:
             return None
         return self._first_step_within(scouted.step / scouted.worst ** (1 / likely))
 
-    def _first_step_within(self, wanted: float) -> int:
-        return next((i for i, step in enumerate(self.steps) if step <= wanted), len(self.steps) - 1)
+    def _first_step_within(self, longest: float) -> int:
+        return next((i for i, step in enumerate(self.steps) if step <= longest), len(self.steps) - 1)
 
     def _upwards(self, sweep: Sweep, panel: list[int], index: int) -> None:
         while index >= 0 and self._level(sweep, panel, index).reached:
@@ -238,15 +238,15 @@ class Search:
 
     def chosen(self, sweeps: Sequence[Sweep]) -> tuple[Sweep, Level, Trial] | None:
         """The cheapest that reaches it, with its repeated trial; the plainest of those as cheap as can be told."""
-        found: list[tuple[Sweep, Level, Trial]] = []
+        candidates: list[tuple[Sweep, Level, Trial]] = []
         for sweep in sweeps:
             level = sweep.reached
             if level is not None and _wall(level.trials[0]) <= _DEARER * self.cheapest:
-                found.append((sweep, level, self._trial(0, sweep.options, level.step, _REPEATS)))
-        if not found:
+                candidates.append((sweep, level, self._trial(0, sweep.options, level.step, _REPEATS)))
+        if not candidates:
             return None
-        cheapest = min(_wall(trial) for _, _, trial in found)
-        return next(row for row in found if _wall(row[2]) <= _TIE * cheapest)
+        cheapest = min(_wall(trial) for _, _, trial in candidates)
+        return next(row for row in candidates if _wall(row[2]) <= _TIE * cheapest)
 
     def over_all_steps(self, sweep: Sweep, case: int) -> list[tuple[float, Trial]]:
         """One machine's trials at all steps from the screened one down, the longest first."""

@@ -86,18 +86,18 @@ def _family(model: str | Mechanism, study: Study, count: int, case: Callable[[Me
         varied = f"masses up to {MASS:g} times, gravity up to {GRAVITY:g} times (or as many times less)"
         varied += "; its geometry was not varied"
     cases, rows = [own], list[NeighbourMachine]()
-    for launching, made_with in islice(_launching(islice(source, _DRAWS * count), case), count):
+    for launching, changes in islice(_launching(islice(source, _DRAWS * count), case), count):
         cases.append(launching)
-        rows.append(NeighbourMachine(made_with=made_with, mechanism_hash=launching.trials.mechanism.content_hash))
+        rows.append(NeighbourMachine(made_with=changes, mechanism_hash=launching.trials.mechanism.content_hash))
     return _Family(tuple(cases), tuple(rows), varied, _words(model, study.parameters))
 
 
 def _launching(
     source: Iterator[Neighbour], case: Callable[[Mechanism], Case]
 ) -> Iterator[tuple[Case, dict[str, float]]]:
-    for mechanism, made_with in source:
+    for mechanism, changes in source:
         try:
-            yield case(mechanism), made_with
+            yield case(mechanism), changes
         except TrebucheckError:
             continue  # it does not launch: then it is no trebuchet
 
@@ -173,13 +173,13 @@ def _worst(measured: list[Errors]) -> Errors:
     return Errors(**worst)
 
 
-def _whole(family: _Family, asked: Asked, advice: tuple[EngineAdvice, ...]) -> Advice:
+def _whole(family: _Family, target: Asked, advice: tuple[EngineAdvice, ...]) -> Advice:
     mechanism, count = family.cases[0].trials.mechanism, len(family.neighbours)
     return Advice.made_here(
         model=mechanism.name,
         mechanism=mechanism,
         mechanism_hash=mechanism.content_hash,
-        asked=asked,
+        asked=target,
         rule=_rule(family, count),
         neighbours=family.neighbours,
         measured_neighbours=min(HARDEST, count),

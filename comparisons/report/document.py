@@ -173,22 +173,22 @@ class Table(Placed):
         return any(column.title or column.unit for column in self.columns)
 
     def columns_in(self, medium: Medium) -> list[Column]:
-        """Columns that are shown there."""
+        """Columns that the medium shows."""
         return in_medium(self.columns, medium)
 
     def rows_in(self, medium: Medium) -> list[tuple[Row, list[tuple[Cell, int]]]]:
-        """Rows that are shown there, with their cells, each with the number of shown columns that it spans."""
-        shown = [column.medium in ("any", medium) for column in self.columns]
-        found: list[tuple[Row, list[tuple[Cell, int]]]] = []
+        """Rows that the medium shows, with their cells, each with the number of shown columns that it spans."""
+        visible = [column.medium in ("any", medium) for column in self.columns]
+        rows: list[tuple[Row, list[tuple[Cell, int]]]] = []
         for row in in_medium(self.rows, medium):
-            spans = [*map(int, shown[: len(row.cells) - 1]), sum(shown[len(row.cells) - 1 :])]
-            found.append((row, [(cell, span) for cell, span in zip(row.cells, spans, strict=True) if span]))
-        return found
+            spans = [*map(int, visible[: len(row.cells) - 1]), sum(visible[len(row.cells) - 1 :])]
+            rows.append((row, [(cell, span) for cell, span in zip(row.cells, spans, strict=True) if span]))
+        return rows
 
     def groups(self) -> list[tuple[str, int]]:
         """Headings over several of the page's columns, with their numbers of columns; none if there are none."""
-        found = [(group, len(list(of_it))) for group, of_it in groupby(self.columns_in("page"), lambda c: c.group)]
-        return found if any(group for group, _ in found) else []
+        groups = [(group, len(list(of_it))) for group, of_it in groupby(self.columns_in("page"), lambda c: c.group)]
+        return groups if any(group for group, _ in groups) else []
 
 
 def table(
@@ -204,10 +204,10 @@ def table(
     """
     if isinstance(heads, str):
         heads = columns(heads)
-    made = [head if isinstance(head, Column) else _column(head) for head in heads]
-    body = tuple(_row(each, made) for each in rows)
-    cells = [[r.cells[i].text for r in body if len(r.cells) == len(made)] for i in range(len(made))]
-    return Table(tuple(column.laid_out(i, cells[i]) for i, column in enumerate(made)), body, caption, medium=medium)
+    parsed = [head if isinstance(head, Column) else _column(head) for head in heads]
+    body = tuple(_row(each, parsed) for each in rows)
+    cells = [[r.cells[i].text for r in body if len(r.cells) == len(parsed)] for i in range(len(parsed))]
+    return Table(tuple(column.laid_out(i, cells[i]) for i, column in enumerate(parsed)), body, caption, medium=medium)
 
 
 def _row(each: object, heads: Iterable[Column]) -> Row:
@@ -267,9 +267,9 @@ _P = TypeVar("_P", bound=Placed)
 
 
 def in_medium(parts: Iterable[_P], medium: Medium) -> list[_P]:
-    """Parts that are shown there; a table without rows is not."""
-    there = (part for part in parts if part.medium in ("any", medium))
-    return [part for part in there if not isinstance(part, Table) or part.rows_in(medium)]
+    """Parts that the medium shows; tables without rows are left out."""
+    matching = (part for part in parts if part.medium in ("any", medium))
+    return [part for part in matching if not isinstance(part, Table) or part.rows_in(medium)]
 
 
 def page_only(block: _P) -> _P:

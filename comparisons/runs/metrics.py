@@ -39,9 +39,9 @@ class Comparison:
         """Compared times [s]."""
         return self.trajectory.t[self.keep]
 
-    def distance(self, mine: FloatArray, theirs: FloatArray) -> FloatArray:
-        """|mine - theirs| at the compared times; Euclidean over a trailing axis, if there is one."""
-        difference = (mine - theirs)[self.keep]
+    def distance(self, values: FloatArray, reference: FloatArray) -> FloatArray:
+        """|values - reference| at the compared times; Euclidean over a trailing axis, if there is one."""
+        difference = (values - reference)[self.keep]
         return np.abs(difference) if difference.ndim == 1 else np.linalg.norm(difference, axis=-1)
 
 
@@ -109,15 +109,15 @@ def _releases(c: Comparison) -> Iterator[Metric]:
     for stop in c.trajectory.mechanism.stops:
         if not stop.closed:
             continue  # it can only open after an impact, which is another event
-        mine, theirs = c.trajectory.release_time(stop.name), c.reference.release_time(stop.name)
-        mine, theirs = _up_to(c.end, mine), _up_to(c.end, theirs)
-        if mine is None and theirs is None:
+        released, expected = c.trajectory.release_time(stop.name), c.reference.release_time(stop.name)
+        released, expected = _up_to(c.end, released), _up_to(c.end, expected)
+        if released is None and expected is None:
             continue
-        if mine is None or theirs is None:
-            note = f"released at {_format_time(mine)} by the engine, at {_format_time(theirs)} by the reference"
+        if released is None or expected is None:
+            note = f"released at {_format_time(released)} by the engine, at {_format_time(expected)} by the reference"
             yield Metric(name="release_time", subject=stop.name, value=None, unit="s", note=note)
         else:
-            yield Metric(name="release_time", subject=stop.name, value=mine - theirs, unit="s")
+            yield Metric(name="release_time", subject=stop.name, value=released - expected, unit="s")
 
 
 def _up_to(end: float, time: float | None) -> float | None:
@@ -256,10 +256,10 @@ def _position_difference(first: Compared, second: Compared, end: float) -> float
 
 def _release_difference(first: Compared, second: Compared) -> float | None:
     differences: list[float] = []
-    for name, mine in first.release_times.items():
-        theirs = second.release_times.get(name)
-        if (mine is None) != (theirs is None):
+    for name, first_time in first.release_times.items():
+        second_time = second.release_times.get(name)
+        if (first_time is None) != (second_time is None):
             return None
-        if mine is not None and theirs is not None:
-            differences.append(abs(mine - theirs))
+        if first_time is not None and second_time is not None:
+            differences.append(abs(first_time - second_time))
     return max(differences, default=None)

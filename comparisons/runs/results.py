@@ -28,9 +28,9 @@ class ResultFile(Spec):
         """Of this content, by these versions on this machine."""
         from ...version import __version__
 
-        here = f"{platform.system()} {platform.machine()}"
+        platform_name = f"{platform.system()} {platform.machine()}"
         python = platform.python_version()
-        return cls(trebucheck_version=__version__, python_version=python, platform=here, **content)
+        return cls(trebucheck_version=__version__, python_version=python, platform=platform_name, **content)
 
 
 class Outcome(StrEnum):

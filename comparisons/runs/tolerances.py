@@ -96,8 +96,8 @@ def judge(run: Run, machine: Machine, peaks: dict[str, float]) -> tuple[Metric, 
         of = (run.engine, run.preset, metric.name, metric.subject, machine.mechanism)
         return tolerance_for(*of, step, table_one=machine.table_one)
 
-    found = [(metric, applied(metric)) for metric in run.metrics]
-    return tuple(metric if one is None else _with(metric, one, machine, peaks) for metric, one in found)
+    tolerances = [(metric, applied(metric)) for metric in run.metrics]
+    return tuple(metric if one is None else _with(metric, one, machine, peaks) for metric, one in tolerances)
 
 
 def _can_be_judged(metric: Metric, machine: Machine) -> bool:
@@ -107,14 +107,14 @@ def _can_be_judged(metric: Metric, machine: Machine) -> bool:
     return not beyond or metric.name in _AT_OR_BEFORE_LAUNCH
 
 
-def _with(metric: Metric, found: AppliedTolerance, machine: Machine, peaks: dict[str, float]) -> Metric:
-    tolerance = found.value * _scale(found.stated, metric, machine, peaks)
+def _with(metric: Metric, applied: AppliedTolerance, machine: Machine, peaks: dict[str, float]) -> Metric:
+    tolerance = applied.value * _scale(applied.stated, metric, machine, peaks)
     known = machine.reference_uncertainty
     uncertainty = known.get(f"{metric.name} ({metric.subject})", known.get(metric.name))
     refused = refusal(metric.name, metric.subject, tolerance, uncertainty)
     if refused is not None:
         return metric.model_copy(update={"note": refused})
-    return metric.model_copy(update={"tolerance": tolerance, "reason": found.reason})
+    return metric.model_copy(update={"tolerance": tolerance, "reason": applied.reason})
 
 
 def _scale(stated: Tolerance, metric: Metric, machine: Machine, peaks: dict[str, float]) -> float:

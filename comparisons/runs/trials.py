@@ -107,8 +107,8 @@ def _interpolated(t: FloatArray, values: FloatArray, grid: FloatArray) -> FloatA
     return np.asarray(make_interp_spline(t, values, k=3)(np.minimum(grid, t[-1])), dtype=np.float64)
 
 
-def _difference(mine: float | None, theirs: float | None) -> float | None:
-    return None if mine is None or theirs is None else mine - theirs
+def _difference(value: float | None, expected: float | None) -> float | None:
+    return None if value is None or expected is None else value - expected
 
 
 _TIMED_FOR = 0.5  # [s] a longer run averages over what disturbs it, and one run of it is timing enough

@@ -41,8 +41,8 @@ def machine_figure(performance: Performance) -> go.Figure:
     path = solution.trajectory(np.linspace(0.0, release.time, _POINTS))
     bodies = {member.body.name for member in members(mechanism)}
     ends = (performance.projectile.name, COUNTERWEIGHT)
-    shown = [m.name for m in mechanism.markers if m.body in bodies or m.name in ends]
-    for name, colour in zip(shown, _COLOURS, strict=False):
+    markers = [m.name for m in mechanism.markers if m.body in bodies or m.name in ends]
+    for name, colour in zip(markers, _COLOURS, strict=False):
         x, y = path.marker(name).position.T
         figure.add_scatter(x=x, y=y, name=name, line={"color": colour, "width": 3})
     _mark_release(figure, performance)

@@ -57,8 +57,8 @@ def origin_name(mechanism: Mechanism) -> str:
     joint = origin(mechanism)
     if isinstance(joint, PinJoint) or joint.name == FULCRUM:
         return joint.name
-    there = (m.name for m in mechanism.markers if (m.body, m.point) == (joint.child, joint.child_point))
-    return next(there, joint.name)
+    markers = (m.name for m in mechanism.markers if (m.body, m.point) == (joint.child, joint.child_point))
+    return next(markers, joint.name)
 
 
 def _rows(throw: Throw) -> Iterator[Row]:
