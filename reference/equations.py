@@ -55,7 +55,7 @@ class Equations:
         return len(self._loops)
 
     def loop_residual(self, q: FloatArray) -> FloatArray:
-        """Loop-closure residual: the loop joints' points apart, by component [m], shape (..., n_loops)."""
+        """Loop-closure residual: difference of each loop joint's two points, by component [m], shape (..., n_loops)."""
         return (self.kinematics.phasors(q) @ self._loops.T + self._loop_offsets).real
 
     def _rates(self, q: FloatArray) -> ComplexArray:

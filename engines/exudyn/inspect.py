@@ -95,7 +95,7 @@ class _Inspector:
                 raise InputError(f"closed = {name!r} is no stop that is closed at the start; those are: {known}.")
 
     def _set_solution(self, state_matrices: Matrices, solved: Solved, closed: tuple[str, ...]) -> None:
-        """Give Exudyn the solution, from which its outputs follow."""
+        """Set the solution in Exudyn's system data; its outputs follow from these."""
         data, current = self.system.main.systemData, exu.ConfigurationType.Current
         data.SetODE2Coordinates_tt(solved.accelerations, current)
         self.system.set_active(closed)

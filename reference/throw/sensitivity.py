@@ -333,7 +333,7 @@ def parameter_directions(
 
 
 def _refuse_another_machine(build: Callable[[TrebuchetParameters], Mechanism], parameters: TrebuchetParameters) -> None:
-    """Compare all numbers here and at a second set of parameters, which shows what depends on them."""
+    """Compare all numbers at these and at a second set of parameters, which shows what depends on them."""
     values = {name: float(getattr(parameters, name)) for name in TrebuchetParameters.model_fields}
     other = {name: value * 1.01 + 0.001 * (i + 1) for i, (name, value) in enumerate(values.items())}
     first = numbers(build(parameters))
