@@ -33,7 +33,7 @@ def chapters(sections: Mapping[str, JsonValue]) -> Iterator[Block]:
             continue
         try:
             yield from [*show(data)]
-        except Exception as error:  # one chapter that cannot be shown must not cost the page
+        except Exception as error:  # an error in one chapter must not prevent the page
             why = f"This study cannot be shown: {type(error).__name__}: {error}"
             yield Text(why, "warning", medium="page")
 
@@ -49,7 +49,7 @@ Values = dict[str, Callable[[Any], object]]
 def _section(
     title: str, columns: Values | Sequence[str], rows: Iterable[object], texts: Sequence[str] = ()
 ) -> Iterator[Block]:
-    """A table under its title, and what is to be said of it; rows are values where the columns are mere headings."""
+    """A table under its title, with texts; rows are values where the columns are mere headings."""
     yield Heading(title)
     for text in texts:
         yield Text(text, medium="page")

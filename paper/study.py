@@ -54,9 +54,9 @@ def _drag(parameters: TrebuchetParameters, engines: Sequence[str]) -> Spec:
 
 
 def _sweep(parameters: TrebuchetParameters, engines: Sequence[str]) -> Spec:
-    places = (*WITH_ENGINES, BEST_L1.value)  # every engine is to confirm a number in print
+    positions = (*WITH_ENGINES, BEST_L1.value)  # every engine is to confirm a number in print
     with Worker() as worker:
-        return fulcrum_sweep(parameters, engines=engines, worker=worker, with_engines=places)
+        return fulcrum_sweep(parameters, engines=engines, worker=worker, with_engines=positions)
 
 
 def _design(parameters: TrebuchetParameters, engines: Sequence[str]) -> Spec:
@@ -84,11 +84,11 @@ THROWS = (machine, throw, rolling)
 _ROWS: dict[str, tuple[str, Callable[[Any, Evidence], Iterable[Row]]]] = {
     "drag": ("Table II", fitted.drag_rows),
     "sweep": ("Sec. V, Fig. 5", sweep.rows),
-    "design": ("Sec. VI", lambda found, _: machines.design_rows(found)),
-    "identification": ("Sec. II", lambda found, _: fitted.start_rows(found)),
-    "machines": ("Secs. I, VI", lambda found, _: machines.efficiency_rows(found)),
+    "design": ("Sec. VI", lambda design, _: machines.design_rows(design)),
+    "identification": ("Sec. II", lambda identification, _: fitted.start_rows(identification)),
+    "machines": ("Secs. I, VI", lambda efficiency, _: machines.efficiency_rows(efficiency)),
 }
-"""Of each further study: its place in the paper, and its rows."""
+"""Section of the paper and rows of each further study."""
 _INPUT = "what the machine is made of: the solvers start from it"
 UNREACHED = (
     Unreached(where="Table I", printed="l1 10, l2 4, h 10, r 6 m; m_a 1000, m_b 60, m_cw 3000 kg", why=_INPUT),
@@ -112,8 +112,8 @@ UNREACHED = (
 )
 """The numbers of the paper that no solver can reach, and why: with them, every number in it is accounted for."""
 
-_PLACES = ("I", "Eq", "II", "III", "IV", "Fig", "Table", "V", "VI", "VII")
-_PLACE = re.compile(r"Secs?\. ([IV]+)|(Eq|Fig|Table)")
+_ORDER = ("I", "Eq", "II", "III", "IV", "Fig", "Table", "V", "VI", "VII")
+_LOCATION = re.compile(r"Secs?\. ([IV]+)|(Eq|Fig|Table)")
 
 
 def study(
@@ -219,9 +219,9 @@ def _of_section(name: str, evidence: Evidence) -> list[Claim]:
 
 
 def order(where: str) -> int:
-    """Place in the paper: of the first section, equation, figure or table named."""
-    match = _PLACE.match(where)
-    return len(_PLACES) if match is None else _PLACES.index(match[1] or match[2])
+    """Index, in the paper's order, of the first section, equation, figure or table that is named."""
+    match = _LOCATION.match(where)
+    return len(_ORDER) if match is None else _ORDER.index(match[1] or match[2])
 
 
 def _versions(engines: Sequence[str]) -> dict[str, str]:

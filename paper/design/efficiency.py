@@ -123,7 +123,7 @@ def potential_energy(mechanism: Mechanism) -> float:
 def available_energy(mechanism: Mechanism) -> float:
     """Potential energy at the start less its minimum over all positions that the joints allow [J].
 
-    What could be had if nothing but the projectile moved in the end, and every other mass lay as low as it can.
+    An upper bound of the projectile's kinetic energy: nothing else moves in the end, and the potential energy is least.
     """
     equations = Equations(mechanism)
     start = np.array(mechanism.start)
@@ -252,15 +252,15 @@ def most_efficient(name: str) -> Widest | None:
 
 
 def _free(name: str) -> list[str]:
-    """What may be chosen: the start only of machines whose arm begins backward, which the paper does not describe."""
+    """Free parameters; the start only of machines whose arm begins backward, which the paper does not describe."""
     fields = parameters_type(name).model_fields
     start = fields["theta0"].default
     return [key for key in BOUNDS if key in fields and (key != "theta0" or start > _BACKWARD)]
 
 
 def _around(key: str, middle: float, step: float) -> FloatArray:
-    places = middle + step * np.arange(-_BESIDE, _BESIDE + 1, dtype=np.float64)
-    return np.unique(np.clip(places, *BOUNDS[key]))
+    values = middle + step * np.arange(-_BESIDE, _BESIDE + 1, dtype=np.float64)
+    return np.unique(np.clip(values, *BOUNDS[key]))
 
 
 def _best(name: str, grid: dict[str, FloatArray], lowest: dict[float, float]) -> Widest | None:
@@ -365,7 +365,7 @@ def _widest(name: str) -> WidestThrow | None:
 
 
 def _allowed(run: Run, solution: Solution) -> float | None:
-    """What the engine's tolerances leave of the launch speed [m/s]."""
+    """Tolerance of the launch speed [m/s] that follows from the engine's tolerances."""
     tolerance_of = {(metric.name, metric.subject): metric.tolerance for metric in run.metrics}
     tolerances = Allowed(tolerance_of.get(("position_max", PROJECTILE)), tolerance_of.get(("launch_speed", None)))
     launch = solution.launch

@@ -122,7 +122,7 @@ class Design(Spec):
         return next((design for design in self.designs if design.name == name), None)
 
 
-_SPANS = (1.9, 3.0)  # longest motions looked at, in characteristic times; Table I's rolling machine has swept after 1.5
+_SPANS = (1.9, 3.0)  # longest simulated motions, in characteristic times; Table I's rolling machine has swept after 1.5
 _SCAN = 1000  # samples from the sling's release on: a spacing of some 2 ms on Table I
 _DEGREE = 10  # of interpolants over two such intervals, in which a throw changes by a tenth: to rounding
 _REAL = 1e-9  # [s] imaginary part of a root that is rounding
@@ -134,7 +134,7 @@ Solver = Callable[[Problem], Solution]
 
 
 def quick(problem: Problem) -> Solution:
-    """The fastest integrator here that leaves nothing to be seen at a nanosecond."""
+    """The fastest of the integrators whose errors of an instant are below a nanosecond."""
     if importlib.util.find_spec("heyoka") is not None:
         return solve_taylor(problem)
     return solve(problem, _COARSE, _COARSE)

@@ -77,7 +77,7 @@ class Family:
         return self._known[key]
 
     def values(self, x: FloatArray) -> FloatArray:
-        """Range [km] and time between the two instants [ms]; for no throw, what a line search turns back from."""
+        """Range [km] and time between the two instants [ms]; for no throw, values that a line search rejects."""
         swing = self.sweep(x)
         return _NO_THROW if swing is None else np.array([1e-3 * swing.range, 1e3 * swing.delay(self.reading)])
 
@@ -188,9 +188,7 @@ class Family:
                 return x + float(brentq(delay, -far, far, xtol=1e-13)) * direction
         return None
 
-    def conditions(
-        self, x: FloatArray, objective: Objective, all_found: Sequence[FloatArray], starts: int
-    ) -> Optimality:
+    def conditions(self, x: FloatArray, objective: Objective, optima: Sequence[FloatArray], starts: int) -> Optimality:
         """First and second order, at a machine whose two instants coincide.
 
         Raises:
@@ -203,7 +201,7 @@ class Family:
         normal = slopes[1] * free
         multiplier = float(gradient @ normal / (normal @ normal))
         left = (gradient - multiplier * slopes[1]) * free
-        near = [y for y in all_found if np.abs(y / x - 1).max() < _SAME]
+        near = [y for y in optima if np.abs(y / x - 1).max() < _SAME]
         return Optimality(
             residual=float(np.linalg.norm(left) / np.linalg.norm(gradient)),
             multiplier=multiplier * 1e6 if objective is RANGE else None,  # km per ms
@@ -214,7 +212,7 @@ class Family:
         )
 
     def _neighbours(self, x: FloatArray, normal: FloatArray, objective: Objective) -> list[float]:
-        """What the objective gains at coinciding machines a little aside, along two tangents, either way."""
+        """Changes of the objective at neighbouring coinciding machines, along two tangents in both directions."""
         _, _, tangents = np.linalg.svd(normal[None, :])
         value, gains = objective.value(self, x), list[float]()
         for direction in (*tangents[1:], *(-tangents[1:])):

@@ -206,7 +206,7 @@ def confirmed(
 
 
 def tolerances(swing: FirstForwardSwing, position: float | None) -> dict[str, float]:
-    """What an allowance of the projectile's position [m] is for each quantity, to first order.
+    """Tolerance of each quantity that follows from one of the projectile's position [m], to first order.
 
     The velocity is allowed w times as much and the acceleration w^2 times, w being the rate at which the velocity
     turns (see `paper.evidence.engine_runs`). Where a quantity's instant is a zero of a rate, the instant may move by

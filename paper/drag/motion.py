@@ -22,7 +22,7 @@ from ...reference.throw.release import Projectile
 _SCAN = 800  # instants of the last part of the sweep between which an angle is looked for
 _JUST = 2.5e-4  # [s] a peak some 50 ms wide is symmetrical to some 1e-7 s over this: a ten-thousandth of a degree
 _FLIGHT = 1e-8  # relative local error: some 1e-5 m, which moves a peak by less than 1e-7 s
-_RESOLVED = 1e-4  # of a drag area, told to three digits
+_RESOLVED = 1e-4  # of a drag area, reported with three digits
 _GROWTH = 4.0
 _MOST = 12  # times the drag area is raised by that factor; drag is then a million times the weight
 
@@ -194,7 +194,7 @@ class Throwing:
         return self._known[early, late]
 
     def best(self, drag_area: float, near: float, within: float) -> Release:
-        """The best release with a drag area, looked for within some seconds of a time [s] close to it."""
+        """The best release with a drag area, searched within some seconds of a time [s] close to it."""
 
         def rate(t: float) -> float:
             return range_rate(self.projectile.release_at(t), self.surroundings(drag_area))

@@ -155,7 +155,7 @@ def _by(runner: Engine, mechanism: Mechanism, until: float, worker: Worker) -> E
 def _finished(
     throw: EngineThrow, mechanism: Mechanism, ours: Readings, amplified: Amplification, until: float, worker: Worker
 ) -> EngineThrow:
-    """With its tolerances, and with what it finds where the arm's stop acts; one that failed is not asked again."""
+    """With its tolerances, and with what it finds where the arm's stop acts; one that failed is not run again."""
     if throw.trajectory is None:
         return throw
     runner = engine(throw.engine)

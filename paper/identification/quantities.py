@@ -345,7 +345,7 @@ def _best_release(solution: Solution) -> float:
 def _rightmost(solution: Solution) -> float:
     """Largest x of the counterweight up to the launch [m]: where it turns back."""
     kinematics, launch = solution.equations.kinematics, solution.launch
-    assert launch is not None  # its speed was asked for
+    assert launch is not None  # the launch speed has been read before
     marker = next(m for m in solution.problem.mechanism.markers if m.name == COUNTERWEIGHT)
     row = kinematics.point(marker.body, marker.point)
 
@@ -357,9 +357,9 @@ def _rightmost(solution: Solution) -> float:
         return float(kinematics.velocity(row, motion.q, motion.u)[0, 0])
 
     times = np.linspace(0.0, launch.time, _SAMPLES)
-    places = x(times)
-    i = int(np.argmax(places))
+    positions = x(times)
+    i = int(np.argmax(positions))
     if not 0 < i < _SAMPLES - 1:
-        return float(places[i])
+        return float(positions[i])
     turn = brentq(rate, float(times[i - 1]), float(times[i + 1]), xtol=1e-12)
     return float(x(np.array([turn]))[0])

@@ -27,7 +27,7 @@ from ..evidence.verdicts import (
 from ..identification.quantities import Identification
 
 _TABLE, _SEC = "Table II", "Sec. IV, Table II"
-_CLOSE = 5.0  # [deg]: 'close to 45' asks for five
+_CLOSE = 5.0  # [deg]: 'close to 45' is taken as within five
 
 
 def start_rows(identification: Identification) -> Iterator[Row]:

@@ -32,7 +32,7 @@ from ..evidence.quantities import start_torque
 from ..evidence.verdicts import FIXED, ROLLING, Cause, Evidence, Row, as_printed, at_most, positive, undecided, vanishes
 
 _ROUNDING = 1e-12  # of sums of a few terms, relative: a thousand times what they can lose
-_ALMOST = 10.0  # [deg]: 'almost' asks for ten
+_ALMOST = 10.0  # [deg]: 'almost' is taken as within ten
 _MASS_SCALE, _LENGTH_SCALE = 10_000.0, 50.0  # Table I over the model that was measured
 _SCALED = 1e-9  # relative, of quantities of two integrations at a relative tolerance of 1e-13 over a throw
 _STATES, _SEED = 64, 1  # random states, with angles all round: energies that agree in all of them are taken as equal

@@ -17,8 +17,8 @@ from ..design.first_forward_swing import CoincidingDesign, Design
 from ..evidence.claims import EngineValue, Quantity, Verdict
 from ..evidence.verdicts import ROLLING, Cause, Judgement, Row, at_least, positive, undecided, vanishes
 
-_MUCH = 2.0  # 'much more' asks for twice
-_ALL = 0.99  # 'the full energy' asks for all but a hundredth
+_MUCH = 2.0  # 'much more' is taken as twice
+_ALL = 0.99  # 'the full energy' is taken as 99 %
 _COINCIDING = 1e-6  # [s] allowed difference of the two instants of a design
 
 

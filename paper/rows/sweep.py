@@ -37,9 +37,9 @@ from ..evidence.verdicts import (
 from ..sweep.study import Position, Sweep
 
 _SEC, _FIG = "Sec. V", "Sec. V, Fig. 5"
-_LINEAR = 0.99  # 'linear-like' asks that a line accounts for 99 % of the variance
+_LINEAR = 0.99  # 'linear-like': a line accounts for 99 % of the variance
 _TRENDLESS = 0.9  # of the variance: 'no general trend' allows no curve that accounts for more
-_ABRUPT = 0.5  # 'abruptly' asks that the slope changes by half of itself
+_ABRUPT = 0.5  # 'abruptly': the slope changes by half of itself
 
 
 def rows(sweep: Sweep, evidence: Evidence) -> Iterator[Row]:

@@ -36,15 +36,15 @@ _GUESSES = (0.3, 0.4, 0.5, 0.6, 0.8, 1.0)  # [s] guesses somebody might type
 _EARLY = (9.0, 9.5, 9.89, 10.0, 11.0)  # [m] either side of the paper's threshold
 _LATE = (8.6, 9.0, 9.4, 9.8)  # [m] below it
 SPANS = 2.5
-"""How long a launch is looked for, in the machine's characteristic times: Table I launches after 1.5 of them."""
-_WATCHED = 600  # samples of the torques: a spacing of some 7 ms on Table I
+"""End of the search for a launch, in the machine's characteristic times: Table I launches after 1.5 of them."""
+_TORQUE_SAMPLES = 600  # over the motion: a spacing of some 7 ms on Table I
 _DOP853 = 1e-12  # local error where heyoka is not installed: its batch's own default
 _ITERATIONS = 50  # Newton's method doubles its digits in each: whatever has not ended by then wanders
-_FOUND = 1e-9  # [s] of the last step
+_CONVERGED = 1e-9  # [s] largest last step of a search that converged
 _SAME = 1e-6  # [s] largest difference of one zero found twice; distinct zeros differ by seconds
-_BETWEEN = (0.1, 1.0)  # [s] a matching guess is looked for between these
+_BETWEEN = (0.1, 1.0)  # [s] interval of the search for a matching guess
 _SCAN = 1e-3  # [s] for crossings of the 45 deg line
-_AFTER = 5.0  # [s] of motion looked at after the hanger's late release
+_AFTER = 5.0  # [s] of motion simulated after the hanger's late release
 
 
 class Curve(Spec):
@@ -89,7 +89,7 @@ class EarlyCrossing(Spec):
 class Artefact(Spec):
     """Whether ways to compute it wrongly account for what the paper shows below its threshold, and at single points.
 
-    Nothing of the paper's program is published: these results can only be compatible with it.
+    Nothing of the paper's program is published: what is found here can only be compatible with it.
     """
 
     threshold: Real = Field(description="printed [m]")
@@ -140,7 +140,7 @@ def bilateral(rigid: RigidSwing) -> Solution:
 
 def first_zero(solution: Solution, held: Sequence[str], after: float) -> tuple[float, str] | None:
     """When the torque of a held stop first comes to zero later than `after` [s], and which it is."""
-    times = np.linspace(after, solution.problem.duration, _WATCHED)[1:]
+    times = np.linspace(after, solution.problem.duration, _TORQUE_SAMPLES)[1:]
     torques = solution.motion(times).stop_torques
     zeros: list[tuple[float, str]] = []
     for name in held:
@@ -160,7 +160,7 @@ def _zero(solution: Solution, name: str, before: float, behind: float) -> float:
 
 @dataclass(frozen=True)
 class Searches:
-    """Newton's method on the hanger's torque, both rests held, at many places of the fulcrum at once."""
+    """Newton's method on the hanger's torque, both rests held, for many positions of the fulcrum at once."""
 
     l1: FloatArray
     rigids: tuple[RigidSwing, ...]
@@ -198,17 +198,17 @@ class Searches:
     def _ends(self, guess: float) -> tuple[BoolArray, BoolArray]:
         """Where the search ends on the first zero, and where on a later one."""
         t, step = np.full(len(self.l1), guess), np.full(len(self.l1), np.inf)
-        with np.errstate(all="ignore"):  # a search that runs away does so in infinities
+        with np.errstate(all="ignore"):  # a search that diverges gives infinities and NaN
             for _ in range(_ITERATIONS):
                 value, slope = self._torque(t)
                 step = value / slope
                 t = t - step
-        ended = np.isfinite(t) & (np.abs(step) < _FOUND) & (t > 0)
+        ended = np.isfinite(t) & (np.abs(step) < _CONVERGED) & (t > 0)
         on_first = ended & (np.abs(t - self._first_zeros) < _SAME)
         return on_first, ended & ~on_first
 
     def _torque(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Torque [N m] and its rate, at one time for each place [s]."""
+        """Torque [N m] and its rate, at one time for each position [s]."""
         constant, wave, amplitude, frequency, sense = self._swings
         turned, rate = pendulum(amplitude, frequency, t)
         turning = wave * np.exp(-1j * sense * turned)
@@ -277,21 +277,21 @@ def artefact(rigid: Callable[[float], RigidSwing], start: float, end: float, cha
 
     Args:
         rigid: the machine with its fulcrum at l1 [m], its rests held.
-        start, end: of the places swept [m].
+        start, end: range of l1 [m].
         change: where the hanger's rest would begin to have to pull [m]; None: nowhere.
     """
     last = end if change is None else change
     l1 = np.round(np.arange(start, last, PAPER_GRID), 9)
-    places = Searches(l1, tuple(rigid(float(x)) for x in l1))
-    guess = places.matching_guess(BACKWARD_L1.value)
+    root_searches = Searches(l1, tuple(rigid(float(x)) for x in l1))
+    guess = root_searches.matching_guess(BACKWARD_L1.value)
     late = [wrong_zero(rigid(x)) for x in _LATE if start <= x <= last]
     early = [zero for x in _EARLY if start <= x <= end for zero in early_crossings(rigid(x))]
     return Artefact(
         threshold=BACKWARD_L1.value,
         step=PAPER_GRID,
-        searches=tuple(places.search(each, (ZERO_L1.value,)) for each in _GUESSES),
+        searches=tuple(root_searches.search(each, (ZERO_L1.value,)) for each in _GUESSES),
         matching_guess=guess,
-        matching_search=None if guess is None else places.search(guess, (ZERO_L1.value,)),
+        matching_search=None if guess is None else root_searches.search(guess, (ZERO_L1.value,)),
         wrong_zeros=tuple(zero for zero in late if zero is not None),
         early_crossings=tuple(early),
     )

@@ -28,7 +28,7 @@ from .rigid_swing import RigidSwing, Swing, gravity_and_inertia, hanger_torque_o
 
 ENGINES = ("mujoco", "pymunk", "exudyn")
 WITH_ENGINES = (8.6, 9.0, 9.5, 9.89, 10.3, 12.6, 12.72, 12.73, 12.9)
-"""Places [m] the engines are asked about: where the paper's machine falls backward, where its plot is zero, and both
+"""Positions l1 [m] that engines simulate: where the paper's machine falls backward, where its plot is zero, and both
 sides of the regime change."""
 DENNY = (3.0, 5.0)
 """Lever ratios the paper quotes as the best for a similar system."""
@@ -184,19 +184,19 @@ class Beam:
         highest = float(l1[np.nanargmax(speeds)])
         domain = (max(self.start, highest - _HALF_WIDTH), min(self.end, highest + _HALF_WIDTH))
         fine, rough = (Chebyshev.interpolate(self.speeds, degree, domain) for degree in (_DEGREE, _DEGREE - 4))
-        places = [_stationary(fit, domain) for fit in (fine, rough)]
-        at = highest if places[0] is None else places[0]
+        maxima = [_stationary(fit, domain) for fit in (fine, rough)]
+        at = highest if maxima[0] is None else maxima[0]
         solution = solve_to_launch(self.rigid(at).mechanism)
         exact = np.nan if solution.launch is None else solution.launch.speed
         error = _SAFETY * (abs(exact - float(fine(at))) + abs(float(fine(at) - rough(at))))
-        # The flatter the peak, the less a speed says about its place: e = v'' x^2 / 2.
+        # The error e of the speed gives an error x of the peak's position: e = v'' x^2 / 2.
         bend = abs(float(fine.deriv(2)(at)))
-        shift = abs(at - places[1]) if places[0] is not None and places[1] is not None else np.sqrt(2 * error / bend)
+        shift = abs(at - maxima[1]) if maxima[0] is not None and maxima[1] is not None else np.sqrt(2 * error / bend)
         return Peak(
             l1=Quantity(value=at, uncertainty=float(_SAFETY * shift + np.spacing(at)), unit="m"),
             speed=Quantity(value=float(exact), uncertainty=error, unit="m/s"),
             lever_ratio=at / (self.length - at),
-            interior=places[0] is not None,
+            interior=maxima[0] is not None,
         )
 
     def position(self, l1: float, engines: Sequence[str] = (), worker: Worker | None = None) -> Position:
@@ -332,7 +332,7 @@ def fulcrum_sweep(
     worker: Worker | None = None,
     with_engines: Sequence[float] = WITH_ENGINES,
 ) -> Sweep:
-    """Launch speed of the fixed machine against l1, on a beam of fixed length, and what is to be said of it.
+    """Launch speed of the fixed machine against l1, on a beam of fixed length, with peak, regime change and artefacts.
 
     Args:
         parameters: all but l1 and l2; Table I where left out.
@@ -355,8 +355,8 @@ def fulcrum_sweep(
     regime = line.regime()
     with_runs = {x for x in with_engines if start <= x <= end}
     others = {BEST_L1.value, TABLE_L1.value, ZERO_L1.value, *(beam * ratio / (1 + ratio) for ratio in DENNY)}
-    places = sorted(with_runs | {x for x in others if start <= x <= end} | {peak.l1.value})
-    positions = tuple(line.position(x, engines if x in with_runs else (), worker) for x in places)
+    all_l1 = sorted(with_runs | {x for x in others if start <= x <= end} | {peak.l1.value})
+    positions = tuple(line.position(x, engines if x in with_runs else (), worker) for x in all_l1)
     return Sweep(
         beam=beam,
         start=start,
