@@ -86,18 +86,18 @@ def floor(site: Site, uncertainty: float, finer: Sequence[tuple[float, float]] =
 
 
 def _lowered_most(site: Site) -> tuple[str, str]:
-    left: list[tuple[float, Refinement]] = []
+    remaining: list[tuple[float, Refinement]] = []
     for refinement, change in refinements(site.engine, site.settings, site.swept, site.constraints):
         try:
             error = site.measure(change)
         except InputError:
             continue  # finer than the engine takes
         if error is not None:
-            left.append((error / site.error, refinement))
+            remaining.append((error / site.error, refinement))
     lowered = sorted(
-        ((share, refinement) for share, refinement in left if share <= LOWERED), key=lambda lowering: lowering[0]
+        ((share, refinement) for share, refinement in remaining if share <= LOWERED), key=lambda lowering: lowering[0]
     )
     if not lowered:
-        return "not found", f"none of {len(left)} other knobs, turned one notch, lowers it by a fifth"
+        return "not found", f"none of {len(remaining)} other knobs, turned one notch, lowers it by a fifth"
     effects = "; ".join(f"{refinement.description} leaves {share:.2g}" for share, refinement in lowered[:_NAMED])
     return lowered[0][1].cause, effects

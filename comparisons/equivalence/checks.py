@@ -98,23 +98,23 @@ def expected(mechanism: Mechanism, states: Sequence[State], equations: Equations
     )
 
 
-def scaled_differences(want: Expected, dynamics: Sequence[Dynamics]) -> FloatArray:
+def scaled_differences(reference: Expected, dynamics: Sequence[Dynamics]) -> FloatArray:
     """All exposed differences as one flat vector, each kind in units of its size: M, f, a, torques, centres."""
     parts: list[FloatArray] = []
     for k, engine_values in enumerate(dynamics):
-        diagonal = np.sqrt(np.diag(want.mass[k]))
+        diagonal = np.sqrt(np.diag(reference.mass[k]))
         if engine_values.mass_matrix is not None:
-            parts.append((engine_values.mass_matrix - want.mass[k]) / np.outer(diagonal, diagonal))
+            parts.append((engine_values.mass_matrix - reference.mass[k]) / np.outer(diagonal, diagonal))
         if engine_values.forces is not None:
-            parts.append((engine_values.forces - want.forces[k]) / _scale_of(want.forces))
-        parts.append((engine_values.accelerations - want.accelerations[k]) / _scale_of(want.accelerations))
-        for name, torque in want.torques[k].items():
-            size = max(abs(torques.get(name, 0.0)) for torques in want.torques)
+            parts.append((engine_values.forces - reference.forces[k]) / _scale_of(reference.forces))
+        parts.append((engine_values.accelerations - reference.accelerations[k]) / _scale_of(reference.accelerations))
+        for name, torque in reference.torques[k].items():
+            size = max(abs(torques.get(name, 0.0)) for torques in reference.torques)
             parts.append(np.array([(engine_values.stop_torques.get(name, math.nan) - torque) / size]))
-        reach = float(np.abs(want.centres).max()) or 1.0
+        reach = float(np.abs(reference.centres).max()) or 1.0
         parts += [
-            (engine_values.centres[name] - want.centres[k, i]) / reach
-            for i, name in enumerate(want.bodies)
+            (engine_values.centres[name] - reference.centres[k, i]) / reach
+            for i, name in enumerate(reference.bodies)
             if name in engine_values.centres
         ]
     return np.concatenate([np.ravel(part) for part in parts])
@@ -131,23 +131,23 @@ def _scale_of(values: FloatArray) -> FloatArray:
 
 
 def _checks(mechanism: Mechanism, states: Sequence[State], inspection: Inspection) -> Iterator[Check]:
-    want = expected(mechanism, states)
+    reference = expected(mechanism, states)
     yield from _start_and_mass(mechanism, inspection)
-    yield from _exact(mechanism, want, inspection.dynamics)
-    scale = _scale_of(want.accelerations)
+    yield from _exact(mechanism, reference, inspection.dynamics)
+    scale = _scale_of(reference.accelerations)
     accelerations = np.array([d.accelerations for d in inspection.dynamics])
-    yield _by_name("acceleration", mechanism.coordinates, np.abs(accelerations - want.accelerations), scale)
-    yield from _torques(want, inspection.dynamics)
-    errors = gap_errors(want, inspection.dynamics)
+    yield _by_name("acceleration", mechanism.coordinates, np.abs(accelerations - reference.accelerations), scale)
+    yield from _torques(reference, inspection.dynamics)
+    errors = gap_errors(reference, inspection.dynamics)
     if errors:
         worst = max(errors, key=lambda name: abs(errors[name]))
         yield _exactly("stop position", worst, abs(errors[worst]), mechanism.stop(worst).gap_unit)
 
 
-def gap_errors(want: Expected, dynamics: Sequence[Dynamics]) -> dict[str, float]:
+def gap_errors(reference: Expected, dynamics: Sequence[Dynamics]) -> dict[str, float]:
     """Largest error of each stop's gap by the engine's own measure [rad or m]."""
     errors: dict[str, float] = {}
-    for engine_values, reference_gaps in zip(dynamics, want.gaps, strict=True):
+    for engine_values, reference_gaps in zip(dynamics, reference.gaps, strict=True):
         for name, gap in engine_values.stop_gaps.items():
             errors[name] = max(errors.get(name, 0.0), gap - reference_gaps[name], key=abs)
     return errors
@@ -166,32 +166,34 @@ def _start_and_mass(mechanism: Mechanism, inspection: Inspection) -> Iterator[Ch
     yield _by_name("start speed", names, difference[None], np.maximum(1.0, np.abs(speeds)))
 
 
-def _exact(mechanism: Mechanism, want: Expected, dynamics: Sequence[Dynamics]) -> Iterator[Check]:
+def _exact(mechanism: Mechanism, reference: Expected, dynamics: Sequence[Dynamics]) -> Iterator[Check]:
     """Centres, mass matrix and forces, where the engine has them."""
     names = mechanism.coordinates
     bodies = [body.name for body in mechanism.bodies]
     if all(set(bodies) <= set(d.centres) for d in dynamics):
         centres = np.array([[d.centres[name] for name in bodies] for d in dynamics])
-        reach = np.full(len(bodies), float(np.abs(want.centres).max()) or 1.0)
-        yield _by_name("centre of mass", bodies, np.linalg.norm(centres - want.centres, axis=2), reach)
+        reach = np.full(len(bodies), float(np.abs(reference.centres).max()) or 1.0)
+        yield _by_name("centre of mass", bodies, np.linalg.norm(centres - reference.centres, axis=2), reach)
     masses = [d.mass_matrix for d in dynamics if d.mass_matrix is not None]
     if len(masses) == len(dynamics):
-        size = np.sqrt(np.einsum("ni,nj->nij", *[np.einsum("nii->ni", want.mass)] * 2))
-        difference = (np.abs(np.array(masses) - want.mass) / size).reshape(len(masses), -1)
+        size = np.sqrt(np.einsum("ni,nj->nij", *[np.einsum("nii->ni", reference.mass)] * 2))
+        difference = (np.abs(np.array(masses) - reference.mass) / size).reshape(len(masses), -1)
         pairs = [f"{a}, {b}" for a in names for b in names]
         yield _by_name("mass matrix", pairs, difference, np.ones(len(pairs)))
     forces = [d.forces for d in dynamics if d.forces is not None]
     if len(forces) == len(dynamics):
-        yield _by_name("force", names, np.abs(np.array(forces) - want.forces), _scale_of(want.forces))
+        yield _by_name("force", names, np.abs(np.array(forces) - reference.forces), _scale_of(reference.forces))
 
 
-def _torques(want: Expected, dynamics: Sequence[Dynamics]) -> Iterator[Check]:
-    names = dict.fromkeys(name for torques in want.torques for name in torques)
+def _torques(reference: Expected, dynamics: Sequence[Dynamics]) -> Iterator[Check]:
+    names = dict.fromkeys(name for torques in reference.torques for name in torques)
     for name in names:
-        pairs = [(d.stop_torques.get(name), t[name]) for d, t in zip(dynamics, want.torques, strict=True) if name in t]
-        size = max(abs(reference) for _, reference in pairs)
+        pairs = [
+            (d.stop_torques.get(name), t[name]) for d, t in zip(dynamics, reference.torques, strict=True) if name in t
+        ]
+        size = max(abs(right) for _, right in pairs)
         missing = any(torque is None for torque, _ in pairs)
-        worst = max((abs(torque - reference) for torque, reference in pairs if torque is not None), default=0.0) / size
+        worst = max((abs(torque - right) for torque, right in pairs if torque is not None), default=0.0) / size
         yield _exactly("stop torque", name, None if missing else worst)
 
 
