@@ -337,8 +337,7 @@ class _Integration:
         return None if outcome == limit else -outcome - 1
 
     def _event_function(self, initial: PostEventState, index: int) -> EventFunction:
-        stop = self.stops[index]
-        return EventFunction(stop, closes=stop not in initial.closed)
+        return EventFunction(self.stops[index], closes=self.stops[index] not in initial.closed)
 
     def _closes_at_once(self, initial: PostEventState) -> EventFunction | None:
         """A gap that is zero, or a rounding below, on its way down: it never falls through zero from above."""
