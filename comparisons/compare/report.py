@@ -12,7 +12,7 @@ from ..report import document as doc
 from ..report.document import Block, Cell, Column, Document, Heading, Mark, Note, Table, Text, mark_of, page_only, table
 from ..report.numbers import format_number, format_step
 from ..report.sections import certified_figures, provenance
-from ..runs.results import Cause, Equality, Machine, Metric, Outcome, Pair, Results, Run
+from ..runs.results import Cause, Diagnosis, Equality, Machine, Metric, Outcome, Pair, Results, Run
 from . import plots
 from .study import Comparison
 
@@ -169,8 +169,18 @@ def diagnosis(run: Run) -> list[str]:
     if diagnosed.parts_at is not None:
         holding = ", ".join(diagnosed.holding) or "no stop"
         when = f"from t = {diagnosed.parts_at:.6g} s, while {holding} held in the reference"
-    likely = "; ".join(_suspicion(cause) for cause in diagnosed.causes[:3]) or "no suspect accounts for it"
-    return [f"differs from the reference {when}, first in {diagnosed.leads}. Likeliest: {likely}."]
+    only = " The motion follows the reference: only what is read from it differs." if diagnosed.motion_agrees else ""
+    return [f"differs from the reference {when}, first in {diagnosed.leads}.{only} {_likeliest(diagnosed)}"]
+
+
+def _likeliest(diagnosed: Diagnosis) -> str:
+    """The causes that account for enough of the deviation; without one, what the suspects account for."""
+    shares = "; ".join(_suspicion(cause) for cause in diagnosed.named or diagnosed.causes[:3])
+    if diagnosed.named:
+        return f"Likeliest: {shares}."
+    if shares:
+        return f"Cause unknown. No suspect accounts for enough of it, and clearly more than others: {shares}."
+    return "Cause unknown: no suspect accounts for it."
 
 
 def _suspicion(cause: Cause) -> str:

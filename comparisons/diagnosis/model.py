@@ -17,10 +17,10 @@ from ...reference.equations import Equations
 from ...reference.perturbed import WithJoint, WithoutCentrifugal
 from ..equivalence.checks import EXACT, Expected, check_model, expected, gap_errors, random_states, scaled_differences
 from ..runs.results import Cause, Diagnosis, Equality
+from .ranking import ranked
 from .signatures import Match, match
 from .suspects import machine_suspects, wall_suspects
 
-_NAMED = 6  # suspects that are kept
 _SMALL = 1e-6  # of an added term, in its unit
 _TELLING = 0.05  # of a deviation: what accounts for less is no suspect
 _ALIKE = 1e-6  # relative, or [rad]: of a value that was mistaken for another
@@ -49,8 +49,8 @@ def diagnose_model(engine: Engine, mechanism: Mechanism, broken: Equality) -> Di
             causes = _once(causes)
         else:
             causes = list(_unknown_stops(engine, mechanism, states))
-    causes.sort(key=lambda cause: -cause.explained)
-    return Diagnosis(leads=worst.label, causes=tuple(causes[:_NAMED]))
+    listed, likeliest = ranked(causes)
+    return Diagnosis(leads=worst.label, causes=listed, likeliest=likeliest)
 
 
 def _once(causes: Sequence[Cause]) -> list[Cause]:

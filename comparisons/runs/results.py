@@ -128,7 +128,20 @@ class Diagnosis(Spec):
     leads: str = Field(description="label of the figure that leaves its tolerance first")
     parts_at: Real | None = Field(default=None, description="when that happens [s]; None before any motion")
     holding: tuple[str, ...] = Field(default=(), description="stops that held in the reference at that time")
-    causes: tuple[Cause, ...] = Field(default=(), description="the likeliest first")
+    causes: tuple[Cause, ...] = Field(default=(), description="the one that explains most first")
+    likeliest: Annotated[int, Field(ge=0)] = Field(
+        default=0,
+        description="how many of the causes, the first ones, account for enough of the deviation to be named, and "
+        "cannot be told apart by it; 0: the cause is unknown",
+    )
+    motion_agrees: bool = Field(
+        default=False, description="whether the motion follows the reference, so that only what is read from it differs"
+    )
+
+    @property
+    def named(self) -> tuple[Cause, ...]:
+        """The likeliest causes; empty where the cause is unknown."""
+        return self.causes[: self.likeliest]
 
 
 class Run(Spec):

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from trebucheck.comparisons.compare.report import diagnosis
 from trebucheck.comparisons.diagnosis.model import check_and_diagnose
-from trebucheck.comparisons.diagnosis.motion import active_contacts_at, growth
+from trebucheck.comparisons.diagnosis.onset import active_contacts_at, growth
 from trebucheck.comparisons.diagnosis.signatures import match
 from trebucheck.comparisons.diagnosis.suspects import machine_suspects, more_wrong
 from trebucheck.comparisons.equivalence.checks import EXACT, check_model, random_states
@@ -112,11 +112,14 @@ def test_an_error_grows_towards_the_launch(build: Build) -> None:
 
 def test_a_diagnosis_reads_as_a_sentence() -> None:
     cause = Cause(name="g (gravity)", kind="machine", amount="+0.1 %", explained=0.9999)
-    found = Diagnosis(leads="launch_speed", parts_at=1.25, holding=("sling rest",), causes=(cause,))
+    found = Diagnosis(leads="launch_speed", parts_at=1.25, holding=("sling rest",), causes=(cause,), likeliest=1)
     run = Run(model="m", engine="e", preset="tuned", outcome=Outcome.BROKEN, engine_version="1", diagnosis=found)
     (sentence,) = diagnosis(run)
     assert "t = 1.25 s, while sling rest held" in sentence
-    assert "g (gravity) (+0.1 %): 100.0 % of it" in sentence
+    assert "Likeliest: g (gravity) (+0.1 %): 100.0 % of it" in sentence
+    unknown = run.model_copy(update={"diagnosis": found.model_copy(update={"likeliest": 0})})
+    (sentence,) = diagnosis(unknown)
+    assert "Cause unknown" in sentence and "Likeliest" not in sentence and "g (gravity)" in sentence
 
 
 def test_a_gate_that_fails_ends_the_run_and_not_the_report(monkeypatch: pytest.MonkeyPatch) -> None:
