@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ..comparisons.report.document import Document
+    from ..comparisons.runs.store import Store
     from ..comparisons.runs.study import Progress
 
 
@@ -33,7 +35,13 @@ def progress(what: str = "reference", width: int = 40) -> Generator[Progress]:
 
 
 def publish(
-    data: tuple[Path, str], report: Document, page: Path | None = None, called: str = "Report", *, current: bool = False
+    data: tuple[Path, str],
+    report: Document,
+    page: Path | None = None,
+    called: str = "Report",
+    *,
+    store: Store | None = None,
+    current: bool = False,
 ) -> None:
     """Write a command's data and page, each whole or not at all, and show the report with the paths.
 
@@ -41,6 +49,7 @@ def publish(
         data: path and text.
         page: path of the report as a page; None: the command has none.
         called: what the page is called in the closing line.
+        store: of the runs; the report says how many of them were taken from it.
         current: nothing is new since the page was written; if the same data are on disk, both are left as they are.
 
     Raises:
@@ -49,6 +58,7 @@ def publish(
     from ..models.files import write_text
 
     path, text = data
+    report = _with_tally(report, store)
     written = (page is None or page.is_file()) and path.is_file() and path.read_text("utf-8") == text
     if not (current and written):
         if page is not None:  # before the data: data on disk say that their page was written
@@ -57,6 +67,13 @@ def publish(
             write_text(page, html.page(report))
         write_text(path, text)
     show(report, **({} if page is None else {called: page}), Data=path)
+
+
+def _with_tally(report: Document, store: Store | None) -> Document:
+    from ..comparisons.report.document import Text
+
+    tally = store.tally if store else None
+    return report if tally is None else replace(report, blocks=(*report.blocks, Text(tally)))
 
 
 def show(report: Document, **files: Path) -> None:

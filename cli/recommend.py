@@ -65,4 +65,4 @@ def recommend_command(
     study = options.study([mechanism if own else model.strip()], engines, out, resume, timeout, parameters=parameters)
     with output.progress("references", 30) as show:
         advice = recommend(replace(study, progress=show), target, neighbours)
-    output.publish((out / "recommend.json", advice.to_json()), document(advice))
+    output.publish((out / "recommend.json", advice.to_json()), document(advice), store=study.store)

@@ -45,6 +45,7 @@ def compare_command(
     presets = options.names(preset, "--preset")
     chosen = options.engine_names(engines)
     refuse_unwritable(out)
+    store = Store(out / "trajectories", resume, out / "runs")
     with output.progress(width=28) as show:
         comparison = compare(
             machines,
@@ -54,11 +55,11 @@ def compare_command(
             duration=duration,
             stop_law=stop_law,
             timeout=timeout,
-            store=Store(out / "trajectories", resume, out / "runs"),
+            store=store,
             progress=lambda case, done, of: show(f"{case.model}: {case.label}", done, of),
         )
     data = out / "results.json", comparison.results.to_json()
-    output.publish(data, document(comparison), out / "report.html", current=comparison.repeated)
+    output.publish(data, document(comparison), out / "report.html", store=store, current=comparison.repeated)
     if not comparison.passed:
         raise typer.Exit(1)
 
@@ -95,7 +96,9 @@ def converge_command(
     study = options.study(machines, engines, out, resume, timeout)
     with output.progress() as show:
         studies = converge(replace(study, progress=show), chosen)
-    output.publish((out / "converge.json", studies.to_json()), document(studies), out / "converge.html")
+    output.publish(
+        (out / "converge.json", studies.to_json()), document(studies), out / "converge.html", store=study.store
+    )
 
 
 def explain_command(
@@ -131,4 +134,4 @@ def explain_command(
     with output.progress(width=44) as show:
         explanation = explain(replace(study, progress=show))
     data = out / "explain.json", explanation.to_json()
-    output.publish(data, document(explanation), out / "explain.html", "Page")
+    output.publish(data, document(explanation), out / "explain.html", "Page", store=study.store)

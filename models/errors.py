@@ -11,6 +11,10 @@ class InputError(TrebucheckError, ValueError):
     """A value, option, name or file is not usable: the sentence names it and says what would be valid."""
 
 
+class UnwritableError(InputError):
+    """A file or folder cannot be written: a study ends with it, since no engine is at fault."""
+
+
 class EngineNotInstalledError(TrebucheckError, ImportError):
     """An engine is known but its package cannot be imported here."""
 

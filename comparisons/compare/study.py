@@ -14,6 +14,7 @@ import numpy as np
 
 from ...engines.protocol import Engine
 from ...engines.registry import engine_class
+from ...models.errors import UnwritableError
 from ...models.mechanism import Mechanism
 from ...models.problem import StopLaw
 from ...models.spec import Spec
@@ -26,7 +27,7 @@ from ..report.numbers import format_number
 from ..runs.metrics import Compared, measure, pair_of
 from ..runs.results import Diagnosis, Equality, Machine, Outcome, Pair, Results, Run
 from ..runs.runner import Runner, Worker, failure
-from ..runs.store import Store, code_digest, digest
+from ..runs.store import Store, conditions, digest
 from ..runs.study import PRESETS, Study
 from ..runs.tolerances import is_table_one, judge
 
@@ -187,7 +188,6 @@ def _in_order(function: Callable[[_K], _V], items: Sequence[_K], jobs: int) -> G
 class _MachineRecord(Spec):
     """What a store keeps of a machine: its row, and its pairs by what their trajectories' files hold."""
 
-    conditions: str
     machine: Machine
     pairs: dict[str, Pair]
 
@@ -195,7 +195,6 @@ class _MachineRecord(Spec):
 class _RunRecord(Spec):
     """What a store keeps of a run beside its trajectory."""
 
-    conditions: tuple[str, ...]
     trajectory: str
     """SHA-256 of the trajectory's file."""
     run: Run
@@ -231,10 +230,9 @@ class _MachineRuns:
         self.motions: dict[str, Callable[[], Trajectory]] = {}
         self._compared: dict[str, Compared] = {}
         self._files: dict[str, str] = {}
-        code = code_digest() if self.store and self.store.records else ""
-        self._conditions = f"{mechanism.content_hash} {study.duration} {study.law.value} {code}"
-        kept = self.store.record(mechanism.name, _MachineRecord) if self.store else None
-        self._kept = kept if kept is not None and kept.conditions == self._conditions else None
+        self._parts = (mechanism.content_hash, study.duration, study.law.value)
+        """Of the conditions under which a record is used again: whatever decides its content must be among them."""
+        self._kept = self.store.record(mechanism.name, _MachineRecord, conditions(*self._parts)) if self.store else None
         self.machine = self._kept.machine if self._kept else _machine_row(self.runner)
         self.repeated = self._kept is not None
 
@@ -247,6 +245,8 @@ class _MachineRuns:
         try:
             equality, diagnosis = self.runner.worker.call(check_and_diagnose, engine, self.runner.mechanism)
             trajectory = self._trajectory(case, engine) if equality.holds else None
+        except UnwritableError:
+            raise
         except Exception as error:
             return _Simulated(equality, diagnosis, error=error)
         return _Simulated(equality, diagnosis, trajectory)
@@ -254,6 +254,8 @@ class _MachineRuns:
     def add(self, case: Case, engine: Engine, result: _RunRecord | _Simulated) -> None:
         """Take a finished run over, or measure a new one; in the order of the cases."""
         if isinstance(result, _RunRecord):
+            assert self.store is not None
+            self.store.taken.add(self.store.path(case.model, case.label).stem)
             self._files[case.label] = result.trajectory
             self.motions[case.label] = lambda: self._load(case)
             self.runs.append(result.run)
@@ -269,13 +271,8 @@ class _MachineRuns:
         if self.store is None:
             return None
         path = self.store.path(case.model, case.label)
-        record = self.store.record(path.stem, _RunRecord)
-        if record is None or record.conditions != self._run_conditions(case, engine):
-            return None
-        return record if record.trajectory == digest(path) else None
-
-    def _run_conditions(self, case: Case, engine: Engine) -> tuple[str, ...]:
-        return self._conditions, engine_class(case.engine).version(), repr(sorted(engine.settings.items()))
+        record = self.store.record(path.stem, _RunRecord, conditions(*self._parts, engine=engine))
+        return record if record is not None and record.trajectory == digest(path) else None
 
     def _measured(self, case: Case, engine: Engine, simulated: _Simulated) -> Run:
         run = Run(
@@ -311,11 +308,13 @@ class _MachineRuns:
     def _trajectory(self, case: Case, engine: Engine) -> Trajectory:
         if self.store is None:
             return self.runner.simulate(engine)
-        version = engine_class(case.engine).version()
-        kept = self.store.trajectory(case.label, engine.settings, version, self.runner.problem(engine))
+        problem = self.runner.problem(engine)
+        made_by = conditions(problem.mechanism.content_hash, problem.duration, problem.stop_law, engine=engine)
+        kept = self.store.trajectory(case.model, case.label, made_by)
         if kept is None:
+            self.store.made.add(self.store.path(case.model, case.label).stem)
             kept = self.runner.simulate(engine)
-            self.store.keep(kept, case.model, case.label)
+            self.store.keep(kept, case.model, case.label, made_by)
         return kept
 
     def _keep(self, case: Case, engine: Engine, run: Run) -> None:
@@ -324,8 +323,8 @@ class _MachineRuns:
             return
         path = self.store.path(case.model, case.label)
         file = self._files[case.label] = digest(path) or ""
-        conditions = self._run_conditions(case, engine)
-        self.store.keep_record(path.stem, _RunRecord(conditions=conditions, trajectory=file, run=run))
+        record = _RunRecord(trajectory=file, run=run)
+        self.store.keep_record(path.stem, record, conditions(*self._parts, engine=engine))
 
     def _diagnosed(self, run: Run, trajectory: Trajectory, engine: Engine) -> Diagnosis | None:
         solution, end, simulate = self.runner.solution, self.runner.end, self.runner.worker.simulate
@@ -348,8 +347,8 @@ class _MachineRuns:
             pairs[key] = kept.get(key) or self._pair(*labels)
         self.repeated = self.repeated and pairs.keys() <= kept.keys()
         if self.store and not self.repeated:
-            record = _MachineRecord(conditions=self._conditions, machine=self.machine, pairs=kept | pairs)
-            self.store.keep_record(self.machine.model, record)
+            record = _MachineRecord(machine=self.machine, pairs=kept | pairs)
+            self.store.keep_record(self.machine.model, record, conditions(*self._parts))
         return list(pairs.values())
 
     def _pair(self, first: str, second: str) -> Pair:

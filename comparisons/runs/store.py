@@ -3,30 +3,53 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
-from dataclasses import dataclass
+import json
+import platform
+import sys
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
+from typing import Generic, TypeVar
 
+import numpy
 import scipy
 
+from ...engines.protocol import Engine, EngineOptions
+from ...engines.registry import engine_class
 from ...models.errors import InputError
 from ...models.files import write_text
-from ...models.problem import Problem
 from ...models.spec import Spec
 from ...models.trajectory import Trajectory, load, save
+from ...version import __version__
 
 _S = TypeVar("_S", bound=Spec)
 _SOURCES = ("models", "reference", "engines", "comparisons")  # what decides the numbers of a run
+
+
+class _Kept(Spec, Generic[_S]):
+    """A record as it is on disk."""
+
+    conditions: str
+    """SHA-256 of everything that made the content, :func:`conditions`."""
+    checksum: str
+    """SHA-256 of the content."""
+    content: _S
+
+
+class _File(Spec):
+    """What a store keeps of a trajectory beside its file."""
+
+    sha256: str
 
 
 @dataclass(frozen=True)
 class Store:
     """A folder of NetCDF files, one a run, named by model, engine and preset, and one of JSON records.
 
-    Nothing is read unless `resume` is set, and only what was made under exactly the same conditions. A file that is
-    broken or of another origin is ignored and made anew.
+    Nothing is read unless `resume` is set, and only what was made under exactly the same conditions and has not been
+    changed since: every record carries a checksum of its content, every trajectory has a record with the checksum of
+    its file. What is broken or of another origin is ignored and made anew.
     """
 
     folder: Path
@@ -34,36 +57,40 @@ class Store:
     """Use finished runs again."""
     records: Path | None = None
     """Folder of what was measured of the runs; None: that is not kept."""
+    taken: set[str] = field(default_factory=set[str], init=False, compare=False)
+    """Names of runs used again."""
+    made: set[str] = field(default_factory=set[str], init=False, compare=False)
+    """Names of runs made now."""
+
+    @property
+    def tally(self) -> str | None:
+        """How many runs were taken and how many made; None where none could be taken."""
+        if not self.resume:
+            return None
+        return f"Runs: {len(self.taken)} taken from the folder, {len(self.made)} made now."
 
     def path(self, model: str, label: str) -> Path:
         """Where a trajectory is kept."""
         return self.folder / f"{model}-{label.replace(' ', '-')}.nc"
 
-    def trajectory(
-        self, label: str, settings: Mapping[str, object], version: str, problem: Problem
-    ) -> Trajectory | None:
-        """A kept trajectory of the same mechanism, settings, engine version, duration and law; None if there is none.
+    def trajectory(self, model: str, label: str, conditions: str) -> Trajectory | None:
+        """A kept trajectory, made under these conditions; None if there is none, or its file was changed.
 
         Args:
             label: engine and preset.
-            version: of the engine.
+            conditions: as :func:`conditions` gives them.
         """
-        model = problem.mechanism.name
-        if not (self.resume and self.path(model, label).is_file()):
+        path = self.path(model, label)
+        # The checksum is compared before the file is opened: HDF5 may end the process over a broken one.
+        file = self._read(self._beside(path), _File, conditions)
+        if file is None or file.sha256 != digest(path):
             return None
         try:
-            trajectory = self.load(model, label)
+            trajectory = load(path)
         except InputError:
             return None
-        origin = trajectory.provenance
-        same = (
-            origin.mechanism_hash == problem.mechanism.content_hash
-            and dict(origin.settings) == dict(settings)
-            and origin.engine_version == version
-            and origin.duration == problem.duration
-            and origin.stop_law == problem.stop_law.value
-        )
-        return trajectory if same else None
+        self.taken.add(path.stem)
+        return trajectory
 
     def load(self, model: str, label: str) -> Trajectory:
         """A kept trajectory, whatever it was made under.
@@ -73,44 +100,109 @@ class Store:
         """
         return load(self.path(model, label))
 
-    def keep(self, trajectory: Trajectory, model: str, label: str) -> None:
+    def keep(self, trajectory: Trajectory, model: str, label: str, conditions: str) -> None:
         """Write a trajectory.
 
         Raises:
             InputError: the folder cannot be written to.
         """
-        save(trajectory, self.path(model, label))
+        path = self.path(model, label)
+        save(trajectory, path)
+        _write(self._beside(path), _File(sha256=digest(path) or ""), conditions)
 
-    def record(self, name: str, kind: type[_S]) -> _S | None:
-        """A kept record; None if there is none that can be read."""
-        path = None if self.records is None else self.records / f"{name}.json"
-        if path is None or not (self.resume and path.is_file()):
-            return None
-        try:
-            return kind.load(path)
-        except InputError:
-            return None
+    def _beside(self, path: Path) -> Path:
+        """The record of a trajectory's file."""
+        return (self.records or self.folder) / f"{path.name}.json"
 
-    def keep_record(self, name: str, record: Spec) -> None:
+    def record(self, name: str, kind: type[_S], conditions: str) -> _S | None:
+        """A kept record, made under these conditions; None if there is none, or it was changed."""
+        return None if self.records is None else self._read(self.records / f"{name}.json", kind, conditions)
+
+    def keep_record(self, name: str, record: Spec, conditions: str) -> None:
         """Write a record.
 
         Raises:
             InputError: the folder cannot be written to.
         """
         if self.records is not None:
-            write_text(self.records / f"{name}.json", record.model_dump_json())
+            _write(self.records / f"{name}.json", record, conditions)
+
+    def _read(self, path: Path, kind: type[_S], conditions: str) -> _S | None:
+        if not (self.resume and path.is_file()):
+            return None
+        try:
+            kept = _Kept[kind].load(path)
+        except InputError:
+            return None
+        same = kept.conditions == conditions and kept.checksum == kept.content.content_hash
+        return kept.content if same else None
+
+
+def _write(path: Path, record: Spec, conditions: str) -> None:
+    kept = _Kept[type(record)](conditions=conditions, checksum=record.content_hash, content=record)
+    write_text(path, kept.model_dump_json())
 
 
 def digest(path: Path) -> str | None:
-    """SHA-256 of a file; None if there is none."""
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
+    """SHA-256 of a file; None if there is none that can be read."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return None
+
+
+def conditions(*parts: object, engine: Engine | None = None) -> str:
+    """SHA-256 of everything that makes a number: what is kept under other conditions is not used again.
+
+    The code, its version, Python, NumPy, SciPy and the kind of machine always belong to it; an engine does with its
+    version, its settings and, for a plug-in, the files of its package, which change without a new version while it
+    is being written.
+
+    Args:
+        parts: what else decides it, e.g. hash of the mechanism, duration and law; each as JSON or text.
+        engine: that makes it.
+    """
+    made_by: list[object] = [code_digest(), __version__, platform.python_version(), platform.system()]
+    made_by += [platform.machine(), numpy.__version__, scipy.__version__]
+    if engine is not None:
+        cls = engine_class(engine.name)
+        made_by += [engine.name, cls.version(), engine.settings, plug_in_digest(str(cls.__module__))]
+        # Settings of a built-in engine are all of it; a plug-in's preset may decide more than its settings tell.
+        made_by += [] if isinstance(engine, EngineOptions) else [engine.preset]
+    text = json.dumps([*made_by, *parts], sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 @cache
 def code_digest() -> str:
-    """SHA-256 of what decides a run's numbers: sources, data and SciPy. What other code measured is not used again."""
-    total, root = hashlib.sha256(scipy.__version__.encode()), Path(__file__).parents[2]
-    for path in sorted(path for name in _SOURCES for kind in ("*.py", "*.json") for path in (root / name).rglob(kind)):
+    """SHA-256 of what decides a run's numbers: sources and data. What other code measured is not used again."""
+    root = Path(__file__).parents[2]
+    return _digest_of(
+        root, (path for name in _SOURCES for kind in ("*.py", "*.json") for path in (root / name).rglob(kind))
+    )
+
+
+@cache
+def plug_in_digest(module: str) -> str:
+    """SHA-256 of the package of a plug-in's module, or of its single file; empty for a module of trebucheck."""
+    name = module.partition(".")[0]
+    if name == __name__.partition(".")[0]:
+        return ""
+    file = getattr(sys.modules.get(name), "__file__", None)
+    if file is None:
+        return ""
+    path = Path(file)
+    package = path.name == "__init__.py"
+    return _digest_of(path.parent, _code_below(path.parent) if package else [path])
+
+
+def _code_below(folder: Path) -> Iterator[Path]:
+    return (path for kind in ("*.py", "*.so", "*.pyd") for path in folder.rglob(kind))
+
+
+def _digest_of(root: Path, paths: Iterable[Path]) -> str:
+    total = hashlib.sha256()
+    for path in sorted(paths):
         total.update(str(path.relative_to(root)).encode())
         total.update(path.read_bytes())
     return total.hexdigest()

@@ -12,8 +12,6 @@ interpolated by cubic splines; torques, which have kinks in their slope, linearl
 
 from __future__ import annotations
 
-import hashlib
-import json
 from contextlib import suppress
 from typing import Annotated
 
@@ -30,7 +28,7 @@ from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 from .metrics import measure
 from .runner import Runner, Worker, failure
-from .store import Store
+from .store import Store, conditions
 
 GRID = 1000
 """Intervals of the common grid."""
@@ -176,12 +174,22 @@ class Trials:
                 machine shows what that wrongness does.
         """
         given = of or self.mechanism
-        key = _key(engine, given, self.mechanism)
-        known = self._known.get(key) or (self._store.record(key, Trial) if self._store else None)
+        parts = (given.content_hash, self.mechanism.content_hash, self.runner.law.value, self._curves)
+        made_by = conditions(*parts, engine=engine)
+        key = f"{engine.name}-{made_by[:20]}"
+        known = self._known.get(key) or self._kept(key, made_by)
         trial = self._timed(known or self._run(engine, given), engine, given, repeats)
         if self._store and trial is not known:
-            self._store.keep_record(key, trial)
+            self._store.keep_record(key, trial, made_by)
         self._known[key] = trial
+        return trial
+
+    def _kept(self, key: str, made_by: str) -> Trial | None:
+        """The store's trial, counted there as taken; None, and counted as made, if it has none."""
+        if self._store is None:
+            return None
+        trial = self._store.record(key, Trial, made_by)
+        (self._store.taken if trial else self._store.made).add(key)
         return trial
 
     def _run(self, engine: Engine, given: Mechanism) -> Trial:
@@ -210,10 +218,3 @@ class Trials:
             while len(walls) < repeats and sum(walls) < _TIMED_FOR:
                 walls.append(self.runner.simulate(engine, given).provenance.wall_time)
         return trial if len(walls) == len(trial.wall_times) else trial.model_copy(update={"wall_times": tuple(walls)})
-
-
-def _key(engine: Engine, given: Mechanism, compared: Mechanism) -> str:
-    version = engine_class(engine.name).version()
-    parts = [engine.name, version, engine.settings, given.content_hash, compared.content_hash]
-    text = json.dumps(parts, sort_keys=True)
-    return f"{engine.name}-{hashlib.sha256(text.encode()).hexdigest()[:20]}"

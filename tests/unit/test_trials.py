@@ -43,7 +43,8 @@ class Claims(plugins.Echo):
 
 @pytest.fixture
 def trials(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Trials:
-    monkeypatch.setattr("trebucheck.comparisons.runs.trials.engine_class", lambda _: plugins.Echo)
+    for module in ("trials", "store"):
+        monkeypatch.setattr(f"trebucheck.comparisons.runs.{module}.engine_class", lambda _: plugins.Echo)
     return Trials(tb.fixed(), store=Store(tmp_path, resume=True, records=tmp_path))
 
 

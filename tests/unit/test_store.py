@@ -1,0 +1,155 @@
+"""What is taken from a store: only what was made under the same conditions and has not been changed since."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import trebucheck as tb
+from trebucheck.comparisons.compare.study import Comparison, compare_study
+from trebucheck.comparisons.runs import store as store_module
+from trebucheck.comparisons.runs.store import Store, conditions, plug_in_digest
+from trebucheck.comparisons.runs.study import Study
+from trebucheck.comparisons.runs.trials import Trials
+from trebucheck.engines.registry import engine_class
+from trebucheck.models.errors import UnwritableError
+
+ANOTHER: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
+    "engine": lambda patch: patch.setattr(engine_class("reference"), "version", classmethod(lambda cls: "another")),
+    "NumPy": lambda patch: patch.setattr(store_module.numpy, "__version__", "9.9.9"),
+    "SciPy": lambda patch: patch.setattr(store_module.scipy, "__version__", "9.9.9"),
+    "trebucheck": lambda patch: patch.setattr(store_module, "__version__", "another"),
+    "code": lambda patch: patch.setattr(store_module, "code_digest", lambda: "another"),
+    "Python": lambda patch: patch.setattr(store_module.platform, "python_version", lambda: "another"),
+    "computer": lambda patch: patch.setattr(store_module.platform, "machine", lambda: "another"),
+}
+
+
+def _study(folder: Path, duration: float | None = 0.5) -> Study:
+    store = Store(folder / "trajectories", True, folder / "runs")
+    return Study(["fixed"], ["reference"], ["tuned"], duration=duration, store=store, isolate=False)
+
+
+def _again(folder: Path) -> tuple[Comparison, tuple[int, int]]:
+    """A comparison from the store, and how many of its runs were taken and made."""
+    study = _study(folder)
+    comparison = compare_study(study)
+    assert study.store is not None
+    return comparison, (len(study.store.taken), len(study.store.made))
+
+
+@pytest.mark.parametrize("what", ANOTHER)
+def test_another_version_of_anything_makes_the_run_anew(
+    what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert _again(tmp_path)[1] == (0, 1)
+    assert _again(tmp_path)[1] == (1, 0)
+    ANOTHER[what](monkeypatch)
+    comparison, counts = _again(tmp_path)
+    assert counts == (0, 1) and not comparison.repeated
+    assert _again(tmp_path)[1] == (1, 0)
+
+
+def _changed_figure(path: Path) -> None:
+    """A valid record that says something else."""
+    kept = json.loads(path.read_text())
+    kept["content"]["run"]["steps"] += 1
+    path.write_text(json.dumps(kept))
+
+
+def _changed_bit(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(bytes(content))
+
+
+DAMAGE: dict[str, Callable[[Path], object]] = {
+    "cut": lambda path: path.write_bytes(path.read_bytes()[: path.stat().st_size // 2]),
+    "empty": lambda path: path.write_bytes(b""),
+    "a bit": _changed_bit,
+    "list": lambda path: path.write_text("[1, 2]"),
+    "number": lambda path: path.write_text("1e400"),
+    "long number": lambda path: path.write_text("1" * 5000),
+    "deep": lambda path: path.write_text("[" * 100_000),
+    "other types": lambda path: path.write_text('{"conditions": 3, "checksum": [], "content": null}'),
+    "no text": lambda path: path.write_bytes(b"\xff\xfe\x00"),
+    "folder": lambda path: (path.unlink(), path.mkdir()),
+}
+FILES = (
+    "trajectories/fixed-reference-tuned.nc",
+    "runs/fixed-reference-tuned.nc.json",
+    "runs/fixed-reference-tuned.json",
+    "runs/fixed.json",
+)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_damaged_file_is_made_anew(name: str, tmp_path: Path) -> None:
+    first = compare_study(_study(tmp_path))
+    for how in ("cut", "other types"):
+        DAMAGE[how](tmp_path / name)
+        again, _ = _again(tmp_path)
+        # The trajectory's own record is not asked for where the measured run is whole.
+        assert again.repeated == (name == FILES[1])
+        assert [run.metrics for run in again.results.runs] == [run.metrics for run in first.results.runs]
+        again, counts = _again(tmp_path)
+        assert again.repeated and counts == (1, 0)
+
+
+@pytest.mark.parametrize("how", [how for how in DAMAGE if how != "folder"])
+def test_all_files_damaged_make_it_anew(how: str, tmp_path: Path) -> None:
+    compare_study(_study(tmp_path))
+    for name in FILES:
+        DAMAGE[how](tmp_path / name)
+    assert _again(tmp_path)[1] == (0, 1)
+    assert _again(tmp_path)[1] == (1, 0)
+
+
+def test_a_changed_figure_is_not_believed(tmp_path: Path) -> None:
+    first = compare_study(_study(tmp_path)).results.runs[0].steps
+    _changed_figure(tmp_path / "runs" / "fixed-reference-tuned.json")
+    again, counts = _again(tmp_path)
+    assert again.results.runs[0].steps == first
+    assert counts == (1, 0), "its trajectory is whole: only the measuring is done again"
+
+
+def test_a_file_that_cannot_be_kept_ends_the_comparison(tmp_path: Path) -> None:
+    """It is no failure of the engine: no row says so, and what was finished before it stays."""
+    compare_study(_study(tmp_path))
+    DAMAGE["folder"](tmp_path / FILES[0])
+    with pytest.raises(UnwritableError, match="it is a folder"):
+        compare_study(_study(tmp_path))
+
+
+def test_trials_with_and_without_curves_are_not_mixed_up(tmp_path: Path) -> None:
+    store, engine = Store(tmp_path, True, tmp_path), tb.engine("reference")
+    short = Trials(tb.fixed(), store=store, curves=False).trial(engine)
+    assert short.deviation is not None and short.deviation.energy == ()
+    trial = Trials(tb.fixed(), store=replace(store)).trial(engine)
+    assert trial.deviation is not None and len(trial.deviation.energy) > 1
+
+
+def test_a_plug_in_that_is_being_written_is_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    package = tmp_path / "written_today"
+    (package / "deeper").mkdir(parents=True)
+    (package / "__init__.py").write_text("")
+    (package / "deeper" / "engine.py").write_text("STEP = 1\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    importlib.import_module("written_today")
+    before = plug_in_digest("written_today.deeper.engine")
+    (package / "deeper" / "engine.py").write_text("STEP = 2\n")
+    plug_in_digest.cache_clear()
+    assert plug_in_digest("written_today.deeper.engine") != before
+    del sys.modules["written_today"]
+    assert plug_in_digest("trebucheck.engines.reference.engine") == ""
+
+
+def test_the_settings_of_an_engine_are_among_the_conditions() -> None:
+    engines = [tb.engine("reference"), tb.engine("reference", timestep=2e-3), tb.engine("reference", rtol=1e-11)]
+    all_conditions = {conditions(engine=engine) for engine in engines} | {conditions("1", "2"), conditions("12")}
+    assert len(all_conditions) == 5
