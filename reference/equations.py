@@ -73,6 +73,14 @@ class Equations:
         """Q(q): generalized forces of gravity, shape (..., n_q)."""
         return (self._rates(q).conj() * self._weights).real
 
+    def potential_energy(self, q: FloatArray) -> FloatArray:
+        """Potential energy of gravity [J], zero at the world's origin, shape (...,)."""
+        return self.kinematics.potential_energy(q)
+
+    def _forces(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
+        """Q - b: generalized forces without the constraints', shape (..., n_q)."""
+        return (rates.conj() * self._weights).real - self._bias(quadratic, u)
+
     def _quadratic(self, rates: ComplexArray) -> ComplexArray:
         return rates.conj()[..., :, None] * self._products * rates[..., None, :]
 
@@ -107,7 +115,7 @@ class Equations:
         rates = self._rates(q)
         quadratic = self._quadratic(rates)
         mass = quadratic.real + self._inertias
-        forces = (rates.conj() * self._weights).real - self._bias(quadratic, u)
+        forces = self._forces(q, u, rates, quadratic)
         n_q = q.shape[-1]
         if self.n_loops + len(closed) == 0:
             return _solve(mass, forces), np.zeros((*q.shape[:-1], 0))

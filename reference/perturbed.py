@@ -32,9 +32,26 @@ class WithoutCentrifugal(Equations):
 
 
 class WithJoint(Equations):
-    """The equations with viscous damping [N m s/rad] and a rotor's inertia (armature) [kg m^2] on one joint."""
+    """The equations with an element on one joint, between its two bodies.
 
-    def __init__(self, mechanism: Mechanism, joint: str, damping: float = 0.0, armature: float = 0.0) -> None:
+    Args:
+        mechanism: without the element.
+        joint: its name.
+        damping: viscous friction [N m s/rad].
+        armature: a rotor's inertia [kg m^2].
+        stiffness: of a linear spring, relaxed at the start [N m/rad].
+        torque: constant, on the child [N m].
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        joint: str,
+        damping: float = 0.0,
+        armature: float = 0.0,
+        stiffness: float = 0.0,
+        torque: float = 0.0,
+    ) -> None:
         super().__init__(mechanism)
         perturbed_joint = next(j for j in mechanism.joints if j.name == joint)
         row = np.zeros(len(mechanism.coordinates))
@@ -42,11 +59,36 @@ class WithJoint(Equations):
         row[bodies.index(perturbed_joint.child)] = 1.0
         if perturbed_joint.parent in bodies:
             row[bodies.index(perturbed_joint.parent)] = -1.0
+        self._row, self._stiffness, self._torque = row, stiffness, torque
+        self._relaxed = float(row @ np.array(mechanism.start))
         self._damping = damping * np.outer(row, row)
         self._inertias = self._inertias + armature * np.outer(row, row)
 
     def _bias(self, quadratic: ComplexArray, u: FloatArray) -> FloatArray:
         return super()._bias(quadratic, u) + u @ self._damping
+
+    def _forces(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
+        torque = self._torque - self._stiffness * (q @ self._row - self._relaxed)
+        return super()._forces(q, u, rates, quadratic) + torque[..., None] * self._row
+
+    def potential_energy(self, q: FloatArray) -> FloatArray:
+        """With the energy of the spring [J]."""
+        return super().potential_energy(q) + 0.5 * self._stiffness * (q @ self._row - self._relaxed) ** 2
+
+
+class WithTiltedGravity(Equations):
+    """The equations with gravity turned anticlockwise by an angle [rad]."""
+
+    def __init__(self, mechanism: Mechanism, angle: float) -> None:
+        super().__init__(mechanism)
+        self._weights = self._weights * np.exp(1j * angle)
+        self._angle = angle
+
+    def potential_energy(self, q: FloatArray) -> FloatArray:
+        """Along the turned direction [J]."""
+        offsets = np.array([self.kinematics.point(b.name, b.centre).offset for b in self.mechanism.bodies])
+        places = self.kinematics.phasors(q) @ self.kinematics.centres.T + offsets
+        return self.mechanism.gravity * (places * np.exp(-1j * self._angle)).imag @ self.kinematics.masses
 
 
 def solve_scheduled(

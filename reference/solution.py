@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from scipy.integrate import OdeSolution
 
-from ..models.arrays import FloatArray
+from ..models.arrays import FloatArray, IndexArray
 from ..models.errors import InputError
 from ..models.launch import LAUNCH_ANGLE, Launch, launch_interval, launch_on, rest_opened
 from ..models.mechanism import SlotJoint
@@ -65,20 +65,33 @@ class Solution:
         end = self.segments[-1].end
         if len(t) and (t.min() < 0 or t.max() > end):
             raise InputError(f"the reference covers 0 to {end:.6g} s; {t.min():.6g} to {t.max():.6g} s was asked for.")
-        n_q, n_l = len(self.problem.mechanism.coordinates), self.equations.n_loops
-        q, u, a = (np.empty((len(t), n_q)) for _ in range(3))
-        loops = np.empty((len(t), n_l))
-        torques = {stop.name: np.zeros(len(t)) for stop in self.problem.mechanism.stops}
+        n_q = len(self.problem.mechanism.coordinates)
+        q, u = (np.empty((len(t), n_q)) for _ in range(2))
+        for segment, indices in self._by_segment(t):
+            y = np.asarray(segment.interpolant(t[indices])).T
+            q[indices], u[indices] = y[:, :n_q], y[:, n_q:]
+        return self.motion_of(t, q, u)
+
+    def _by_segment(self, t: FloatArray) -> Iterator[tuple[Segment, IndexArray]]:
         of = np.searchsorted([segment.end for segment in self.segments[:-1]], t, side="right")
         for k, segment in enumerate(self.segments):
             indices = np.flatnonzero(of == k)
-            if not len(indices):
-                continue
-            y = np.asarray(segment.interpolant(t[indices])).T
-            q[indices], u[indices] = y[:, :n_q], y[:, n_q:]
+            if len(indices):
+                yield segment, indices
+
+    def motion_of(self, t: FloatArray, q: FloatArray, u: FloatArray) -> Motion:
+        """Accelerations and multipliers of other states, under the stops that are closed at the times t [s].
+
+        Args:
+            t: shape (n,).
+            q, u: states, shape (n, n_q).
+        """
+        a, loops = np.empty_like(q), np.empty((len(t), self.equations.n_loops))
+        torques = {stop.name: np.zeros(len(t)) for stop in self.problem.mechanism.stops}
+        for segment, indices in self._by_segment(t):
             a[indices], multipliers = self.equations.solve(q[indices], u[indices], segment.closed)
-            loops[indices] = multipliers[:, :n_l]
-            for name, torque in zip(segment.closed, multipliers[:, n_l:].T, strict=True):
+            loops[indices] = multipliers[:, : self.equations.n_loops]
+            for name, torque in zip(segment.closed, multipliers[:, self.equations.n_loops :].T, strict=True):
                 torques[name][indices] = torque
         return Motion(q, u, a, loops, torques)
 
@@ -147,8 +160,11 @@ class Solution:
 
     def trajectory(self, t: FloatArray, provenance: Provenance | None = None) -> Trajectory:
         """The motion at the given times [s], shape (n,), with all that a trajectory holds."""
+        return self.reading(t, self.motion(t), provenance)
+
+    def reading(self, t: FloatArray, motion: Motion, provenance: Provenance | None = None) -> Trajectory:
+        """All that a trajectory holds, of a motion at the times t [s], shape (n,)."""
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
-        motion = self.motion(t)
         markers: dict[str, PointMotion] = {}
         for marker in mechanism.markers:
             row = kinematics.point(marker.body, marker.point)
@@ -161,7 +177,7 @@ class Solution:
             u=motion.u,
             markers=markers,
             kinetic_energy=kinematics.kinetic_energy(motion.q, motion.u),
-            potential_energy=kinematics.potential_energy(motion.q),
+            potential_energy=self.equations.potential_energy(motion.q),
             stop_torques=motion.stop_torques,
             release_times=self.release_times,
             joint_reactions=self.joint_reactions(motion),

@@ -36,11 +36,14 @@ TOLERANCE = 3e-14
 """Just above the least SciPy takes (100 machine epsilons): energy then varies by some 1e-13, between the steps, too."""
 
 
-def solve(problem: Problem, rtol: float = TOLERANCE, atol: float = TOLERANCE) -> Solution:
+def solve(
+    problem: Problem, rtol: float = TOLERANCE, atol: float = TOLERANCE, equations: Equations | None = None
+) -> Solution:
     """Integrate a problem with SciPy's DOP853.
 
     Args:
         rtol, atol: local error bounds of the integrator, relative and absolute [rad, m, rad/s, m/s].
+        equations: with a fault (:mod:`.perturbed`); the mechanism's own if left out.
 
     Returns:
         A continuous solution with every release (and, under the unilateral law, impact) located.
@@ -48,7 +51,7 @@ def solve(problem: Problem, rtol: float = TOLERANCE, atol: float = TOLERANCE) ->
     Raises:
         SimulationError: the integrator's step size collapsed, or there are more than ten thousand events.
     """
-    return _Integration(problem, rtol, atol).run()
+    return _Integration(problem, rtol, atol, equations or Equations(problem.mechanism)).run()
 
 
 def characteristic_time(mechanism: Mechanism) -> float:
@@ -99,9 +102,9 @@ def solve_to_launch(mechanism: Mechanism, stop_law: StopLaw = StopLaw.RELEASE_ON
 
 
 class _Integration:
-    def __init__(self, problem: Problem, rtol: float, atol: float) -> None:
+    def __init__(self, problem: Problem, rtol: float, atol: float, equations: Equations) -> None:
         self.problem = problem
-        self.equations = Equations(problem.mechanism)
+        self.equations = equations
         self.active_set = ActiveSet(problem, self.equations)
         self.tolerances = {"rtol": rtol, "atol": atol}
         self.evaluations = 0
