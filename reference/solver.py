@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import DOP853, DenseOutput, OdeSolution
+from scipy.integrate import DenseOutput, OdeSolution
 from scipy.optimize import brentq
 
 from ..models.arrays import FloatArray
@@ -23,6 +23,7 @@ from ..models.mechanism import Mechanism
 from ..models.problem import Problem, StopLaw
 from .contact import ActiveSet, EventFunction, PostEventState
 from .equations import Equations
+from .integrator import Integrator, StepLimit, numerical
 from .solution import Segment, Solution
 
 _MAX_EVENTS = 10_000
@@ -49,9 +50,11 @@ def solve(
         A continuous solution with every release (and, under the unilateral law, impact) located.
 
     Raises:
-        SimulationError: the integrator's step size collapsed, or there are more than ten thousand events.
+        SimulationError: the integrator's step size collapsed or it gets nowhere, the equations are singular or leave
+            the finite numbers, or there are more than ten thousand events.
     """
-    return _Integration(problem, rtol, atol, equations or Equations(problem.mechanism)).run()
+    with numerical("from the start"):
+        return _Integration(problem, rtol, atol, equations or Equations(problem.mechanism)).run()
 
 
 def characteristic_time(mechanism: Mechanism) -> float:
@@ -107,6 +110,7 @@ class _Integration:
         self.equations = equations
         self.active_set = ActiveSet(problem, self.equations)
         self.tolerances = {"rtol": rtol, "atol": atol}
+        self.limit = StepLimit(2 * len(problem.mechanism.coordinates), problem.duration)
         self.evaluations = 0
 
     def run(self) -> Solution:
@@ -140,7 +144,7 @@ class _Integration:
         finder = EventFinder(self.equations, initial, self.active_set.event_functions(initial))
         y, tolerance = np.concatenate([initial.q, initial.u]), (self.tolerances["rtol"], self.tolerances["atol"])
         segment, events, stepper = integrate_segment(
-            self.equations, initial.closed, initial.t, y, self.problem.duration, tolerance, finder.first
+            self.equations, initial.closed, initial.t, y, self.problem.duration, tolerance, finder.first, self.limit
         )
         self.evaluations += stepper.nfev
         return segment, events
@@ -159,31 +163,31 @@ def integrate_segment(
     end: float,
     tolerance: tuple[float, float],
     locate: Callable[[DenseOutput, float, float], list[Event]] = lambda dense, t0, t1: [],
-) -> tuple[Segment, list[Event], DOP853[np.float64]]:
+    limit: StepLimit | None = None,
+) -> tuple[Segment, list[Event], Integrator]:
     """Integrate under one active set from `start` to the first events, or to `end` [s].
 
     Args:
         y: state (q, u) at the start, shape (2 n_q,).
         tolerance: relative and absolute local error bounds.
         locate: finds the events inside a step, from its dense output and its two ends [s].
+        limit: of the motion that this is a segment of.
 
     Returns:
         The segment, its events, and the integrator as it stopped (its state is that of the last whole step).
 
     Raises:
-        SimulationError: the integrator's step size collapsed.
+        SimulationError: as :class:`.integrator.Integrator`.
     """
     n_q = len(y) // 2
 
     def rates(_: float, y: FloatArray) -> FloatArray:
         return np.concatenate([y[n_q:], equations.solve(y[:n_q], y[n_q:], closed)[0]])
 
-    stepper = DOP853(rates, start, y, end, rtol=tolerance[0], atol=tolerance[1])
+    stepper = Integrator(rates, start, y, end, tolerance, limit)
     times, pieces, events = [start], list[DenseOutput](), list[Event]()
     while stepper.status == "running" and not events:
-        message = stepper.step()
-        if message is not None:
-            raise SimulationError(f"the reference's integrator stopped at t = {stepper.t:.6g} s: {message}.")
+        stepper.step()
         pieces.append(stepper.dense_output())
         events = locate(pieces[-1], times[-1], stepper.t)
         times.append(events[0].t if events else stepper.t)

@@ -2,55 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from ...engines.protocol import Engine
 from ...engines.registry import engine_class
-from ...models.errors import UnwritableError
+from ...models.errors import SimulationError, UnwritableError
 from ...models.mechanism import Mechanism
 from ...models.problem import StopLaw
 from ...models.spec import Spec
 from ...models.trajectory import Trajectory
-from ...reference.certification.certificate import reference_uncertainty
 from ...reference.solution import Solution
 from ..diagnosis.model import check_and_diagnose
 from ..diagnosis.motion import diagnose_motion
 from ..report.numbers import format_number
+from ..runs.demand import OnDemand, in_order
 from ..runs.metrics import Compared, measure, pair_of
 from ..runs.results import Diagnosis, Equality, Machine, Outcome, Pair, Results, Run
 from ..runs.runner import Runner, Worker, failure
 from ..runs.store import Store, conditions, digest
 from ..runs.study import PRESETS, Study
 from ..runs.tolerances import is_table_one, judge
-
-_K = TypeVar("_K")
-_V = TypeVar("_V")
-
-
-class OnDemand(Mapping[_K, _V]):
-    """A mapping whose values are made, once, when they are first asked for."""
-
-    def __init__(self, makers: Mapping[_K, Callable[[], _V]]) -> None:
-        self._makers, self._values = dict(makers), dict[_K, _V]()
-
-    def __getitem__(self, key: _K) -> _V:
-        if key not in self._values:
-            self._values[key] = self._makers[key]()
-        return self._values[key]
-
-    def __iter__(self) -> Iterator[_K]:
-        return iter(self._makers)
-
-    def __len__(self) -> int:
-        return len(self._makers)
 
 
 @dataclass(frozen=True)
@@ -150,39 +128,28 @@ def compare_study(study: Study, progress: Callable[[Case, int, int], None] | Non
     # Every engine is made before the first run, so that a wrong name or option costs no waiting.
     engines = {(c.engine, c.preset): study.engine(c.engine, c.preset) for c in cases}
     with study.worker() as worker:
-        machines = {m.name: _MachineRuns(study, m, worker) for m in study.mechanisms}
+        machines = {m.name: _machine_runs(study, m, worker) for m in study.mechanisms}
 
         def simulated(case: Case) -> _RunRecord | _Simulated:
             return machines[case.model].simulated(case, engines[case.engine, case.preset])
 
-        with closing(_in_order(simulated, cases, study.jobs)) as results:
+        with closing(in_order(simulated, cases, study.jobs)) as results:
             for done, case in enumerate(cases):
                 if progress is not None:
                     progress(case, done, len(cases))
                 machines[case.model].add(case, engines[case.engine, case.preset], next(results))
-        pairs = [pair for runs in machines.values() for pair in runs.pairs()]
+        moved = {name: runs for name, runs in machines.items() if isinstance(runs, _MachineRuns)}
+        pairs = [pair for runs in moved.values() for pair in runs.pairs()]
     return Comparison(
         Results.made_here(
-            machines=tuple(runs.machine for runs in machines.values()),
+            machines=tuple(runs.machine for runs in moved.values()),
             runs=tuple(run for runs in machines.values() for run in runs.runs),
             pairs=tuple(pairs),
         ),
-        OnDemand({name: lambda runs=runs: runs.runner.solution for name, runs in machines.items()}),
-        OnDemand({(name, label): make for name, runs in machines.items() for label, make in runs.motions.items()}),
+        OnDemand({name: lambda runs=runs: runs.runner.solution for name, runs in moved.items()}),
+        OnDemand({(name, label): make for name, runs in moved.items() for label, make in runs.motions.items()}),
         all(runs.repeated for runs in machines.values()),
     )
-
-
-def _in_order(function: Callable[[_K], _V], items: Sequence[_K], jobs: int) -> Generator[_V]:
-    """The function's values in the order of the items, each computed when asked for, or by that many threads."""
-    if jobs == 1:
-        yield from map(function, items)
-        return
-    threads = ThreadPoolExecutor(jobs)
-    try:
-        yield from threads.map(function, items)
-    finally:  # no further run is started when this is left early
-        threads.shutdown(wait=False, cancel_futures=True)
 
 
 class _MachineRecord(Spec):
@@ -217,11 +184,40 @@ class _Simulated:
         return self.trajectory
 
 
+def _machine_runs(study: Study, mechanism: Mechanism, worker: Worker) -> _MachineRuns | _FailedMachine:
+    try:
+        return _MachineRuns(study, mechanism, worker)
+    except SimulationError as error:
+        return _FailedMachine(error)
+
+
+class _FailedMachine:
+    """A machine whose reference failed: no engine runs on it, and each of its rows says why."""
+
+    repeated = False
+
+    def __init__(self, error: SimulationError) -> None:
+        self.error, self.runs = error, list[Run]()
+
+    def simulated(self, case: Case, engine: Engine) -> _Simulated:
+        """Nothing."""
+        return _Simulated(None, None, error=self.error)
+
+    def add(self, case: Case, engine: Engine, _: object) -> None:
+        """Note the failure as a row."""
+        outcome, message = failure(self.error)
+        version = engine_class(case.engine).version()
+        run = Run(model=case.model, engine=case.engine, preset=case.preset, engine_version=version,
+                  settings=engine.settings, outcome=outcome, message=message)  # fmt: skip
+        self.runs.append(run)
+
+
 class _MachineRuns:
     """One machine: its reference, its runs so far, and what the store has of them.
 
     Raises:
-        TrebucheckError: the duration is not valid, or the reference cannot move the mechanism.
+        InputError: the duration is not valid, or the reference cannot begin.
+        SimulationError: the reference failed.
     """
 
     def __init__(self, study: Study, mechanism: Mechanism, worker: Worker) -> None:
@@ -362,7 +358,7 @@ class _MachineRuns:
 
 def _machine_row(runner: Runner) -> Machine:
     mechanism, solution, end = runner.mechanism, runner.solution, runner.end
-    launch, uncertainties = solution.launch, reference_uncertainty(solution, end)
+    launch, uncertainties = solution.launch, runner.uncertainties
     return Machine(
         model=mechanism.name,
         mechanism=mechanism,

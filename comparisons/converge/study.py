@@ -13,7 +13,7 @@ from ...engines.registry import engine, engine_class, engine_names, engine_study
 from ...engines.study import ConstraintKinds, StepOrder, SweptParameter
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
-from ...reference.certification.certificate import Uncertainties, reference_uncertainty
+from ...reference.certification.certificate import Uncertainties
 from ..runs.study import Counter, Study
 from ..runs.trials import Deviation, Trial, Trials
 from .floor import Site, floor
@@ -93,7 +93,7 @@ def _plan(names: Sequence[str], chosen: Sequence[str] | None) -> tuple[list[str]
 
 def _machine(trials: Trials, plan: _Plan, absent: list[str], count: Counter) -> MachineStudies:
     """All studies of one machine, and the limits that follow from them."""
-    mechanism, known = trials.mechanism, reference_uncertainty(trials.solution, trials.end)
+    mechanism, known = trials.mechanism, trials.runner.uncertainties
     uncertainty: dict[QuantityName, float] = {quantity: _uncertainty(known, quantity) for quantity in _QUANTITIES}
     studies: list[ParameterStudy] = []
     limits: dict[str, Extrapolated] = {}

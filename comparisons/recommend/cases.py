@@ -19,7 +19,7 @@ from ...models.errors import InputError, TrebucheckError
 from ...models.machines.registry import model, parameters_type
 from ...models.mechanism import Mechanism
 from ...models.spec import Spec
-from ...reference.certification.certificate import reference_uncertainty, refusal
+from ...reference.certification.certificate import refusal
 from ..runs.trials import Trial, Trials
 from .results import Asked, Errors
 
@@ -60,7 +60,7 @@ class Case:
             raise InputError(
                 f"{mechanism.name!r} has no stop that is closed at the start: only a position can be asked."
             )
-        known = reference_uncertainty(self.trials.solution, self.trials.end)
+        known = self.trials.runner.uncertainties
         for quantity, value in self.allowed.items():
             refused = refusal(_METRICS[quantity], None, value, known.of(_METRICS[quantity]))
             if refused is not None:

@@ -1,4 +1,7 @@
-"""Engines run on one mechanism: for how long, where, beside which reference motion, and what a failure becomes."""
+"""Engines run on one mechanism: for how long, where, beside which reference motion, and what a failure becomes.
+
+The reference runs where the engines do, under the same limit of time: in a process of its own if they are isolated.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from joblib.externals.loky import ProcessPoolExecutor
-from joblib.externals.loky.process_executor import TerminatedWorkerError
+from joblib.externals.loky.process_executor import BrokenProcessPool
 
 from ...engines.protocol import Engine
 from ...models.arrays import FloatArray
@@ -26,6 +29,7 @@ from ...models.errors import (
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.trajectory import Trajectory
+from ...reference.certification.certificate import Uncertainties, reference_uncertainty
 from ...reference.solution import Solution
 from ...reference.solver import solve, solve_to_launch
 from .results import Outcome
@@ -40,15 +44,22 @@ _Runner = TypeVar("_Runner", bound=_Named)
 _Given = TypeVar("_Given")
 _Result = TypeVar("_Result")
 _WARM_UP = 5e-3  # [s] simulated before the run that is timed: imports and first calls are not the engine's speed
+_WARM_UP_STEPS = 100  # at most
+_START = 120.0  # [s] longest wait for a process to start
 
 
 def simulate_warm(runner: Engine, problem: Problem) -> Trajectory:
     """Simulate, after a short run whose time is not counted."""
     step = runner.timestep or _WARM_UP
-    short = Problem(problem.mechanism, duration=min(problem.duration, max(_WARM_UP, step)), stop_law=problem.stop_law)
+    duration = max(step, min(_WARM_UP, _WARM_UP_STEPS * step))
+    short = Problem(problem.mechanism, duration=min(problem.duration, duration), stop_law=problem.stop_law)
     with suppress(TrebucheckError):  # the run itself will say it better
         runner.simulate(short)
     return runner.simulate(problem)
+
+
+def _import_this_module() -> None:
+    """In a new process: what it takes to start is not the time of the first call."""
 
 
 @contextmanager
@@ -75,7 +86,7 @@ class Worker:
     """
 
     timeout: float = 600.0
-    """Longest wait for one run [s]."""
+    """Longest wait for one run [s], the start of its process apart."""
     isolate: bool = True
     """False: simulate in this process, without a limit of time."""
     jobs: int = 1
@@ -83,6 +94,7 @@ class Worker:
     _started: list[Any] = field(default_factory=list[Any], init=False)
     _idle: SimpleQueue[Any] = field(default_factory=SimpleQueue[Any], init=False)
     """One entry a process that serves no call; None for one that is not started."""
+    _closed: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
         for _ in range(self.jobs):
@@ -96,38 +108,50 @@ class Worker:
         """Call a module's function on an engine, or on whatever has a name for messages, in a process.
 
         Raises:
-            SimulationError: the engine ended its process (a crash of its compiled code, or out of memory), or did
-                not come to an end.
+            SimulationError: the engine ended its process (a crash of its compiled code), ran out of memory, or did not
+                come to an end.
         """
-        if not self.isolate:
-            return function(runner, given)
-        pool = self._idle.get() or self._start()
         try:
+            return self._isolated(function, runner, given) if self.isolate else function(runner, given)
+        except MemoryError as error:
+            raise SimulationError(f"{runner.name} ran out of memory: {error}.") from None
+
+    def _isolated(self, function: Callable[[_Runner, _Given], _Result], runner: _Runner, given: _Given) -> _Result:
+        pool = self._idle.get()
+        try:
+            pool = pool if pool in self._started else self._start()
             with block_sigint():
                 future = pool.submit(function, runner, given)
             return future.result(self.timeout)
-        except (TerminatedWorkerError, TimeoutError) as error:
+        except (BrokenProcessPool, TimeoutError) as error:
             pool = self._end(pool)
-            crashed = isinstance(error, TerminatedWorkerError)
+            crashed = isinstance(error, BrokenProcessPool)
             why = "crashed: its process ended by itself" if crashed else self._too_long
             raise SimulationError(f"{runner.name} {why}.") from None
         finally:
             self._idle.put(pool)
+            if self._closed:
+                self.close()
 
     @property
     def _too_long(self) -> str:
         return f"did not finish within {self.timeout:g} s and was stopped"
 
     def _start(self) -> Any:
-        self._started.append(ProcessPoolExecutor(max_workers=1))
-        return self._started[-1]
+        pool = ProcessPoolExecutor(max_workers=1)
+        self._started.append(pool)
+        with block_sigint():
+            ready = pool.submit(_import_this_module)
+        ready.result(_START)
+        return pool
 
     def _end(self, pool: Any) -> None:
         self._started.remove(pool)
         pool.shutdown(wait=False, kill_workers=True)
 
     def close(self) -> None:
-        """End the processes."""
+        """End the processes; of a later call at its end."""
+        self._closed = True
         for pool in list(self._started):
             self._end(pool)
 
@@ -159,6 +183,28 @@ def failure(error: Exception) -> tuple[Outcome, str]:
     return Outcome.UNSUPPORTED if isinstance(error, UnsupportedProblemError) else Outcome.FAILED, str(error)
 
 
+@dataclass(frozen=True)
+class _Reference:
+    """What the worker calls the reference in its messages."""
+
+    name: str = "the reference"
+
+
+def _solve(reference: _Reference, given: tuple[Mechanism, float | None, StopLaw]) -> Solution:
+    """For so long [s], or to the launch, which is then found here, too, and kept with the solution."""
+    mechanism, duration, law = given
+    if duration is None:
+        solution = solve_to_launch(mechanism, law)
+    else:
+        solution = solve(Problem(mechanism, duration=duration, stop_law=law))
+    _ = solution.launch
+    return solution
+
+
+def _uncertainties(_: _Reference, given: tuple[Solution, float]) -> Uncertainties:
+    return reference_uncertainty(*given)
+
+
 class Runner:
     """Runs engines on one mechanism and evaluates its reference motion at their times.
 
@@ -188,11 +234,20 @@ class Runner:
         """The reference motion, somewhat longer than the compared one.
 
         Raises:
-            TrebucheckError: the reference cannot move the mechanism.
+            InputError: the reference cannot begin.
+            SimulationError: it failed or did not come to an end.
         """
-        if self._duration is None:
-            return solve_to_launch(self.mechanism, self.law)
-        return solve(Problem(self.mechanism, duration=self._duration + _REFERENCE_TAIL, stop_law=self.law))
+        duration = None if self._duration is None else self._duration + _REFERENCE_TAIL
+        return self.worker.call(_solve, _Reference(), (self.mechanism, duration, self.law))
+
+    @cached_property
+    def uncertainties(self) -> Uncertainties:
+        """Of the reference, up to the end of the compared motion.
+
+        Raises:
+            SimulationError: as for :attr:`solution`.
+        """
+        return self.worker.call(_uncertainties, _Reference(), (self.solution, self.end))
 
     @cached_property
     def end(self) -> float:

@@ -13,12 +13,13 @@ from itertools import combinations
 from typing import Protocol
 
 import numpy as np
-from scipy.integrate import DOP853, DenseOutput
+from scipy.integrate import DenseOutput
 from scipy.optimize import brentq
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
 from ...models.launch import LAUNCH_ANGLE, Launch
+from ..integrator import Integrator
 
 # Where inside a step torques are sampled: Chebyshev's points crowd at the ends, where a fall is missed most easily.
 _SAMPLES = 0.5 * (1.0 - np.cos(np.pi * np.arange(1, 8) / 7))
@@ -142,14 +143,11 @@ def _until_release(
 ) -> list[_Step]:
     """Steps to the first release, the last of them cut there, or to the end."""
     longest = duration / _LEAST_STEPS
-    stepper = DOP853(
-        lambda _, y: system.rates(y, active), t, y, duration, max_step=longest, rtol=tolerance, atol=tolerance
-    )
+    stepper = Integrator(lambda _, y: system.rates(y, active), t, y, duration, (tolerance, tolerance), longest=longest)
     steps: list[_Step] = []
     while stepper.status == "running":
-        started, message = stepper.t, stepper.step()
-        if message is not None:
-            raise SimulationError(f"the integrator stopped at t = {stepper.t:.6g} s: {message}.")
+        started = stepper.t
+        stepper.step()
         step = _Step(started, stepper.t, active, stepper.dense_output())
         crossings = [_downward_zero_crossing(step, started, _torque_of(system, i)) for i in range(len(active))]
         first = min((time for time in crossings if time is not None), default=None)

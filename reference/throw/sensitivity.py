@@ -14,16 +14,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.integrate import DOP853
 
 from ...models.arrays import FloatArray
-from ...models.errors import InputError, SimulationError
+from ...models.errors import InputError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.launch import lead
 from ...models.machines.parameters import TrebuchetParameters
 from ...models.machines.registry import model
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
+from ..integrator import Integrator
 from ..solution import Solution
 from ..solver import solve, solve_to_launch
 from .throw import Sensitivity
@@ -201,11 +201,9 @@ def _integrated(
         tangent = equations.tangent(q, u, dq, du, closed)
         return np.concatenate([u, tangent.a, np.concatenate([du, tangent.da], axis=1).ravel()])
 
-    stepper = DOP853(rates, start, y, end, rtol=tol, atol=tol)
+    stepper = Integrator(rates, start, y, end, (tol, tol))
     while stepper.status == "running":
-        message = stepper.step()
-        if message is not None:
-            raise SimulationError(f"the tangents' integrator stopped at t = {stepper.t:.6g} s: {message}.")
+        stepper.step()
     return np.asarray(stepper.y, dtype=np.float64)
 
 

@@ -1,0 +1,117 @@
+"""SciPy's DOP853 with limits: an integration that gets nowhere ends with one sentence.
+
+Near a singular position of a loop of joints the rounding of its equations exceeds the tolerance however short the step,
+so that steps are accepted that hardly advance. A part that swings a million times faster than the machine moves takes a
+million times the steps. Neither ends by itself, and each step's dense output is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from typing import Any, cast
+
+import numpy as np
+from scipy.integrate import DOP853
+
+from ..models.arrays import FloatArray
+from ..models.errors import SimulationError, TrebucheckError
+
+MOST_STEPS = 500_000
+"""Of one motion, over all its segments; Table I's machine takes some 50 to 100 for a second."""
+_MOST_MEMORY = 1 << 30  # [B] of the dense output
+_WINDOW = 1000  # steps over which progress is measured
+_HOPELESS = 100  # times the most steps, as many as the rest would take at this pace
+
+
+class StepLimit:
+    """Counts the steps of one motion, over its segments.
+
+    Args:
+        states: length of the state vector.
+        end: of the motion [s].
+    """
+
+    def __init__(self, states: int, end: float) -> None:
+        self.end = end
+        most = min(MOST_STEPS, _MOST_MEMORY // (500 + 64 * states))  # 8 vectors a step, and their objects
+        self.most = most // _WINDOW * _WINDOW
+        self._taken, self._marked = 0, 0.0
+
+    def count(self, t: float) -> None:
+        """Count one step that ended at t [s].
+
+        Raises:
+            SimulationError: there are too many, or at this pace there will be.
+        """
+        self._taken += 1
+        if self._taken % _WINDOW:
+            return
+        pace = (t - self._marked) / _WINDOW
+        left = (self.end - t) / pace if pace > 0 else np.inf
+        if self._taken >= self.most or left > _HOPELESS * self.most:
+            raise SimulationError(
+                f"the reference gave up at t = {t:.9g} s of {self.end:.6g} s after {self._taken} steps, the last of "
+                f"{pace:.2g} s: the motion is near a singular position of its joints, or a part moves too fast; a "
+                "shorter duration may be within reach."
+            )
+        self._marked = t
+
+
+class Integrator(DOP853):
+    """DOP853 that raises where SciPy's would return a message, warn, or go on without end.
+
+    Args:
+        rates: of the state y at t [s].
+        start, end: [s].
+        y: state at the start, shape (n,).
+        tolerance: relative and absolute local error bounds.
+        limit: of the motion that this is a segment of; one of its own if left out.
+        longest: step [s].
+    """
+
+    def __init__(
+        self,
+        rates: Callable[[float, FloatArray], FloatArray],
+        start: float,
+        y: FloatArray,
+        end: float,
+        tolerance: tuple[float, float],
+        limit: StepLimit | None = None,
+        longest: float = np.inf,
+    ) -> None:
+        self.limit = limit or StepLimit(len(y), end)
+        with numerical(f"at t = {start:.6g} s"):
+            super().__init__(cast("Any", rates), start, y, end, max_step=longest, rtol=tolerance[0], atol=tolerance[1])
+            if not (np.isfinite(self.f).all() and np.isfinite(self.h_abs)):
+                raise SimulationError(f"the reference's accelerations are not finite at t = {start:.6g} s.")
+
+    def step(self) -> None:
+        """Take one step.
+
+        Raises:
+            SimulationError: the step size collapsed, the equations are singular, or a limit is reached.
+        """
+        with numerical(f"after t = {self.t:.6g} s"):
+            message = super().step()
+        if message is not None:
+            raise SimulationError(f"the reference's integrator stopped at t = {self.t:.6g} s: {message}.")
+        self.limit.count(self.t)
+
+
+@contextmanager
+def numerical(when: str) -> Generator[None, None, None]:
+    """Computing of the reference that may leave the finite numbers: no warnings, and one error for what fails.
+
+    Whoever uses this checks that the result is finite.
+
+    Raises:
+        SimulationError: a matrix is singular, or a root or complementarity problem is not solved.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except TrebucheckError:
+        raise
+    except (ArithmeticError, ValueError, RuntimeError) as error:
+        raise SimulationError(f"the reference cannot go on {when}: {error}.") from error

@@ -1,0 +1,164 @@
+"""The reference under watch: a motion that gets nowhere, a process that hangs, a machine that fails among others."""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from mechanisms import pin
+from trebucheck.cli.app import main
+from trebucheck.comparisons.runs import runner as runs
+from trebucheck.comparisons.runs.results import Outcome, Results
+from trebucheck.comparisons.runs.runner import Runner, Worker
+from trebucheck.models.errors import SimulationError
+from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism
+from trebucheck.reference.integrator import MOST_STEPS
+from trebucheck.reference.solver import solve
+
+
+def parallel_cranks(start: float = -math.pi / 2, speed: float = -1.0) -> Mechanism:
+    """Two parallelograms in a row, every link 1 m: where all links are on one line the loops' constraints are singular.
+
+    Args:
+        start: angle of the cranks [rad].
+        speed: of the cranks [rad/s].
+    """
+    cranks = [Body(name=f"crank {k}", angle=f"a{k}", mass=1, centre=(0.5, 0), inertia=1 / 12) for k in range(3)]
+    rods = [Body(name=f"rod {k}", angle=f"b{k}", mass=1, centre=(0.5, 0), inertia=1 / 12) for k in range(2)]
+    joints = [pin(f"foot {k}", GROUND, f"crank {k}", (k, 0)) for k in range(3)]
+    joints += [pin(f"head {k}", f"crank {k}", f"rod {k}", (1, 0)) for k in range(2)]
+    joints += [pin(f"loop {k}", f"rod {k}", f"crank {k + 1}", (1, 0), (1, 0)) for k in range(2)]
+    return Mechanism(
+        name="cranks",
+        bodies=(*cranks, *rods),
+        joints=tuple(joints),
+        markers=(Marker(name="projectile", body="crank 0", point=(1, 0)),),
+        gravity=9.81,
+        start=(start,) * 3 + (0.0,) * 2,
+        start_speeds=(speed,) * 3 + (0.0,) * 2,
+    )
+
+
+def fast_pendulum(length: float) -> Mechanism:
+    """A long pendulum that carries a short one."""
+    return Mechanism(
+        name="fast",
+        bodies=(
+            Body(name="long", angle="a", mass=1, centre=(1, 0), inertia=0.0),
+            Body(name="short", angle="b", mass=1, centre=(length, 0), inertia=0.0),
+        ),
+        joints=(pin("hook", GROUND, "long"), pin("knee", "long", "short", (1, 0))),
+        gravity=9.81,
+        start=(0.3, 0.5),
+    )
+
+
+# the integration itself
+
+
+def test_a_motion_that_stalls_at_a_singular_position_ends_with_a_sentence() -> None:
+    began = time.perf_counter()
+    with pytest.raises(SimulationError, match=r"gave up at t = 0\.714\d+ s of 10 s after \d+ steps") as caught:
+        solve(tb.Problem(parallel_cranks(), duration=10.0))
+    assert "singular position" in str(caught.value)
+    assert time.perf_counter() - began < 20
+
+
+@pytest.mark.parametrize("length", [1e-9, 1e-12])
+def test_a_part_that_is_too_fast_for_the_duration_ends_with_a_sentence(length: float) -> None:
+    with pytest.raises(SimulationError, match=r"gave up at t = .* a part moves too fast"):
+        solve(tb.Problem(fast_pendulum(length), duration=1000.0))
+
+
+def test_a_long_motion_is_within_the_limit() -> None:
+    """Its steps are counted over all its segments, and so is what Table I's machine needs for a minute."""
+    solution = solve(tb.Problem(tb.fixed(), duration=60.0))
+    steps = sum(len(np.asarray(segment.interpolant.ts)) for segment in solution.segments)
+    assert 1000 < steps < MOST_STEPS / 50
+
+
+@pytest.mark.parametrize(
+    "changes", [{"m_cw": 1e300}, {"m_b": 1e300}, {"h": 1e-160}, {"g": 1e300}, {"m_a": 1e308, "l1": 1e9}]
+)
+def test_numbers_beyond_doubles_end_with_a_sentence_and_without_a_warning(changes: dict[str, float]) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(tb.TrebucheckError) as caught:
+            solve(tb.Problem(tb.fixed(tb.TrebuchetParameters(**changes)), duration=3.0))
+    assert len(str(caught.value)) < 400
+
+
+# the process it runs in
+
+
+def _hang(*_: object) -> None:
+    time.sleep(60)
+
+
+def _die(*_: object) -> None:
+    import os
+
+    os._exit(3)
+
+
+def _fill_memory(*_: object) -> None:
+    np.ones(1 << 50)
+
+
+@pytest.mark.parametrize(
+    ("fault", "sentence"),
+    [
+        (_hang, "the reference did not finish within 0.5 s and was stopped."),
+        (_die, "the reference crashed: its process ended by itself."),
+        (_fill_memory, "the reference ran out of memory: "),
+    ],
+)
+def test_a_reference_that_fails_in_its_process_is_a_sentence(
+    fault: object, sentence: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(runs, "_solve", fault)
+    with Worker(timeout=0.5) as worker, pytest.raises(SimulationError) as caught:
+        _ = Runner(tb.fixed(), worker).solution
+    assert str(caught.value).startswith(sentence)
+
+
+def test_a_solution_from_another_process_is_the_same_to_the_last_bit() -> None:
+    with Worker() as worker:
+        there, here = Runner(tb.rolling(), worker), Runner(tb.rolling())
+        assert there.solution.launch == here.solution.launch
+        times = np.linspace(0.0, here.end, 100)
+        assert np.array_equal(there.reference(times).q, here.reference(times).q)
+        assert there.uncertainties == here.uncertainties
+
+
+def test_a_worker_that_was_closed_leaves_no_process_behind() -> None:
+    with Worker() as worker:
+        pass
+    runner = Runner(tb.fixed(), worker)
+    assert runner.solution.launch is not None
+    assert not worker._started
+
+
+# the commands
+
+
+def test_one_machine_whose_reference_fails_costs_only_its_rows(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    file = tmp_path / "cranks.json"
+    file.write_text(parallel_cranks().to_json())
+    options = ["--engine", "reference", "--preset", "tuned,stock", "--duration", "1", "--out", str(tmp_path / "out")]
+    assert main(["compare", "--models", f"{file},fixed", *options]) == 1
+    results = Results.load(tmp_path / "out" / "results.json")
+    assert [machine.model for machine in results.machines] == ["fixed"]
+    failed = [run for run in results.runs if run.model == "cranks"]
+    assert [run.outcome for run in failed] == [Outcome.FAILED] * 2
+    assert all("the reference gave up at t = 0.714" in (run.message or "") for run in failed)
+    assert all(run.metrics for run in results.runs if run.model == "fixed")
+    said = capsys.readouterr()
+    assert "the reference gave up" in said.out.replace("\n", " ")
+    assert "Traceback" not in said.err
+    assert "Warning" not in said.err
