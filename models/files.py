@@ -1,14 +1,15 @@
-"""Atomic writing of files: they appear whole or not at all."""
+"""Atomic writing of files: they appear whole or not at all. Reading of those that somebody else wrote."""
 
 from __future__ import annotations
 
 import os
+import stat
 import tempfile
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
-from .errors import UnwritableError
+from .errors import InputError, UnwritableError
 
 
 @contextmanager
@@ -65,3 +66,36 @@ def refuse_unwritable(folder: str | Path) -> None:
             pass
     except OSError as error:
         raise UnwritableError(f"{target} cannot be written: {error.strerror or error}.") from None
+
+
+def read_bytes(path: str | Path, largest: int) -> bytes:
+    """The content of a regular file.
+
+    Args:
+        largest: size that is read [B].
+
+    Raises:
+        InputError: it cannot be read, is no regular file or is too large; the sentence names it.
+    """
+    refuse_irregular(path)
+    try:
+        with Path(path).open("rb") as file:
+            content = file.read(largest + 1)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None
+    except ValueError as error:  # of a path that no system takes, such as one with a zero character
+        raise InputError(f"{str(path)!r} cannot be read: {error}.") from None
+    if len(content) > largest:
+        size = Path(path).stat().st_size / 1e6
+        raise InputError(f"{path} cannot be read: it has {size:.3g} MB; at most {largest / 1e6:g} MB are taken.")
+    return content
+
+
+def refuse_irregular(path: str | Path) -> None:
+    """Raise InputError for a pipe, device or socket: its content may have no end, or never come."""
+    try:
+        mode = Path(path).stat().st_mode
+    except (OSError, ValueError):
+        return  # whoever opens it says what is wrong
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise InputError(f"{path} cannot be read: it is a pipe, a device or a socket; a regular file is needed.")

@@ -192,6 +192,8 @@ class Mechanism(Spec):
         InputError: names clash or point nowhere, the tree is broken, or a stop's `closed` belies its gap.
     """
 
+    largest_file: ClassVar[int] = 1_000_000  # some five thousand bodies
+
     name: Name
     bodies: tuple[Body, ...] = Field(min_length=1)
     joints: tuple[Joint, ...] = Field(min_length=1)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
 
 from .errors import InputError
+from .files import read_bytes
 
 
 def _refuse_truth_values(value: object) -> object:
@@ -91,6 +92,8 @@ class Spec(BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, ser_json_inf_nan="constants")
+    largest_file: ClassVar[int] = 200_000_000
+    """Size of a file that is read [B]."""
 
     def __init__(self, **fields: Any) -> None:
         try:
@@ -113,18 +116,18 @@ class Spec(BaseModel):
             return cls.model_validate_json(text)
         except ValidationError as error:
             raise SpecError.of(error, cls.__name__) from None
+        except RecursionError:
+            raise InputError(f"{cls.__name__} cannot be built: a chain of its parts is too long.") from None
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """Read a JSON file.
 
         Raises:
-            InputError: the file cannot be read or is not a valid description; the sentence names it.
+            InputError: the file cannot be read, is no regular file, is too large, or is not a valid description; the
+                sentence names it.
         """
-        try:
-            text = Path(path).read_bytes()
-        except OSError as error:
-            raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None
+        text = read_bytes(path, cls.largest_file)
         try:
             return cls.from_json(text)
         except InputError as error:

@@ -13,7 +13,7 @@ import numpy as np
 
 from .arrays import FloatArray
 from .errors import InputError
-from .files import replacing
+from .files import refuse_irregular, replacing
 from .kinematics import Kinematics
 from .launch import Launch, locate_launch, rest_opened
 from .mechanism import Mechanism
@@ -266,6 +266,7 @@ def load(path: str | Path) -> Trajectory:
     """
     import xarray as xr
 
+    refuse_irregular(path)
     try:
         with xr.open_dataset(path, engine="h5netcdf") as dataset:
             return from_dataset(dataset.load())

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import os
+from collections.abc import Callable
 from pathlib import Path
 
 import jsonschema
@@ -13,6 +15,7 @@ from conftest import machine_parameters
 from hypothesis import given
 from hypothesis import strategies as st
 from trebucheck.models.mechanism import mechanism_schema
+from trebucheck.models.trajectory import load
 
 FIELDS = list(tb.TrebuchetParameters.model_fields)
 POSITIVE = [name for name in FIELDS if not name.endswith("0")]
@@ -163,3 +166,50 @@ def test_files_that_are_no_mechanism_are_named(tmp_path: Path) -> None:
     for path in (broken, other, tmp_path / "absent.json", tmp_path):
         with pytest.raises(tb.InputError, match=str(path)):
             tb.Mechanism.load(path)
+
+
+def _pipe(path: Path) -> Path:
+    os.mkfifo(path)
+    return path
+
+
+def _large(path: Path) -> Path:
+    with path.open("wb") as file:
+        file.truncate(30_000_000)
+    return path
+
+
+@pytest.mark.parametrize("read", [tb.Mechanism.load, tb.TrebuchetParameters.load, load])
+@pytest.mark.parametrize("make", [_pipe, lambda _: Path("/dev/zero"), lambda _: Path("/dev/random")])
+def test_what_may_have_no_end_is_not_read(
+    make: Callable[[Path], Path], read: Callable[[Path], object], tmp_path: Path
+) -> None:
+    path = make(tmp_path / "x.json")
+    with pytest.raises(tb.InputError, match=f"{path} cannot be read: it is a pipe, a device or a socket"):
+        read(path)
+
+
+def test_a_mechanism_of_30_megabytes_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    with pytest.raises(tb.InputError, match=r"x\.json cannot be read: it has 30 MB; at most 1 MB are taken\.$"):
+        tb.Mechanism.load(_large(tmp_path / "x.json"))
+
+
+def test_a_chain_that_is_too_long_to_follow_is_refused(tmp_path: Path) -> None:
+    n = 1500
+    text = json.dumps({
+        "name": "chain",
+        "bodies": [{"name": f"b{i}", "angle": f"a{i}", "mass": 1, "centre": [1, 0], "inertia": 0} for i in range(n)],
+        "joints": [
+            {"kind": "pin", "name": f"j{i}", "parent": f"b{i - 1}" if i else "ground", "child": f"b{i}",
+             "parent_point": [min(i, 1), 0], "child_point": [0, 0]}
+            for i in range(n)
+        ],
+        "stops": [
+            {"name": "s", "body": f"b{n - 1}", "point": [0, 0], "normal": [0, 1], "offset": -1e6, "closed": False}
+        ],
+        "gravity": 9.81,
+        "start": [0.1] * n,
+    })  # fmt: skip
+    (tmp_path / "chain.json").write_text(text)
+    with pytest.raises(tb.InputError, match="a chain of its parts is too long"):
+        tb.Mechanism.load(tmp_path / "chain.json")
