@@ -10,6 +10,7 @@ coefficients, and velocities and accelerations follow by differentiating w alone
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -128,6 +129,11 @@ class Kinematics:
     def velocity(self, row: PointCoefficients, q: FloatArray, u: FloatArray) -> FloatArray:
         """World velocity [m/s], shape (..., 2)."""
         return _as_vectors((self.rates(q) * u) @ row.coefficients)
+
+    def speed_scale(self, row: PointCoefficients) -> float:
+        """A scale of a point's speeds [m/s]: what it would fall by all its arms, and what it moves at the start."""
+        arms, speeds = np.abs(row.coefficients), np.abs(self.mechanism.start_speeds or 0.0)
+        return math.sqrt(self.mechanism.gravity * float(arms @ self.is_angle)) + float(np.sum(arms * speeds))
 
     def acceleration(self, row: PointCoefficients, q: FloatArray, u: FloatArray, a: FloatArray) -> FloatArray:
         """World acceleration [m/s^2] for generalized accelerations a, shape (..., 2)."""

@@ -1,12 +1,24 @@
-"""The launch: the instant when the projectile's velocity comes down to the launch angle."""
+"""The launch: the instant when the projectile's velocity comes down to the launch angle.
+
+The component of the velocity across the launch direction (:func:`lead`) falls through zero there, with the velocity
+pointing along the direction and not against it, after the last rest of the projectile's own body has opened. Such roots
+are bracketed by extremes: between two events, or two samples, the velocity is smooth, its Chebyshev interpolant gives
+the instants where the component is stationary, and between two of them it is monotone. So two roots within one step
+are not missed, and no time or length of the mechanism enters.
+
+At an impact the velocity jumps. The launch is then that of a stiff contact in the limit: as the impulse grows the
+velocity moves along a straight line, and where that line crosses the launch direction the projectile is let go. While a
+rest of its own body pushes it, or strikes it, there is no launch.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial import chebyshev
 from scipy.interpolate import KroghInterpolator
 from scipy.optimize import brentq
 
@@ -17,7 +29,22 @@ LAUNCH_ANGLE = math.pi / 4
 """45 degrees above the horizontal, the paper's choice."""
 
 _NEIGHBOURS = 4  # samples used on either side of the crossing: a polynomial of degree 15
-_SAME_TIME = 1e-12  # [s] samples closer than this (an event on a grid time) count once
+_SAME_TIME = 1e-12  # parts of the time: samples closer than this (an event on a grid time) count once
+
+_DEGREE = 16  # of the interpolant of a step; it is halved where that does not resolve it
+_NODES = 0.5 - 0.5 * np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)  # Chebyshev's extreme points, from 0 to 1
+_TO_CHEBYSHEV = np.linalg.inv(chebyshev.chebvander(2.0 * _NODES - 1.0, _DEGREE)).T  # values at the nodes: coefficients
+_RESOLVED = 1e-8  # last coefficients over the largest; an extreme's value then errs by their square
+_HALVINGS = 8
+_CHUNK = 32  # steps that are sampled at once
+_ROUNDING = 1e-14  # of a velocity, in parts of it
+_NOISE = (
+    1e-12  # of speeds, in parts of their scale: a chain of light bodies may turn a hundred times faster than it falls
+)
+_AT_REST = 1e-8  # parts of the scale: slower than this nothing is thrown, and a rest may rattle
+_AT_END = 1e-12  # [rad] a motion that ends this little above the launch direction ends with its launch
+
+Component = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -27,6 +54,16 @@ class Launch:
     time: float
     speed: float
     velocity: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class SmoothVelocity:
+    """A point's velocity between two events."""
+
+    knots: FloatArray
+    """Instants [s] between which it is analytic, such as the integrator's steps; shape (n,), increasing."""
+    at: Callable[[FloatArray], FloatArray]
+    """Velocities [m/s], shape (n, 2), at times [s], shape (n,)."""
 
 
 def rest_opened(mechanism: Mechanism, body: str, release_times: Mapping[str, float | None]) -> float | None:
@@ -40,28 +77,142 @@ def lead(velocity: FloatArray, angle: float = LAUNCH_ANGLE) -> FloatArray:
     return velocity[..., 1] * math.cos(angle) - velocity[..., 0] * math.sin(angle)
 
 
-def _forward(velocity: FloatArray, angle: float) -> FloatArray:
-    return velocity[..., 0] * math.cos(angle) + velocity[..., 1] * math.sin(angle)
+def is_launch(velocity: FloatArray, angle: float = LAUNCH_ANGLE, scale: float = 0.0) -> bool:
+    """Whether a velocity (2,) on the launch direction's line points along it, not against it, and is not at rest.
+
+    Args:
+        scale: of the mechanism's speeds [m/s] (:meth:`.kinematics.Kinematics.speed_scale`).
+    """
+    return bool(velocity[0] * math.cos(angle) + velocity[1] * math.sin(angle) > _AT_REST * scale)
 
 
 def launch_interval(velocity: FloatArray, angle: float = LAUNCH_ANGLE) -> int | None:
-    """Index i of the first interval [i, i+1] in which the velocity turns down through the launch direction."""
+    """Index i of the first interval [i, i+1] in which the velocity turns down through the launch direction.
+
+    The straight line between the two velocities must cross the direction itself, not its opposite.
+    """
     across = lead(velocity, angle)
-    falls = (across[:-1] > 0) & (across[1:] <= 0) & (_forward(velocity[1:], angle) > 0)
-    crossings = np.flatnonzero(falls)
-    return int(crossings[0]) if len(crossings) else None
+    for i in np.flatnonzero((across[:-1] > 0) & (across[1:] <= 0)).tolist():
+        if is_launch(_on_line(velocity[i], velocity[i + 1], angle), angle):
+            return i
+    return None
 
 
-def launch_on(velocity_at: Callable[[float], FloatArray], t0: float, t1: float, angle: float = LAUNCH_ANGLE) -> Launch:
-    """Root of :func:`lead` between t0 and t1 on a continuous velocity [m/s]."""
+def first_launch(
+    pieces: Iterable[SmoothVelocity | None], angle: float = LAUNCH_ANGLE, scale: float = 0.0
+) -> Launch | None:
+    """The first launch of a motion made of smooth pieces, one after the other.
+
+    Args:
+        pieces: at the instant between two of them the velocity may jump; None while the projectile is on its rest.
+        angle: above the horizontal [rad].
+        scale: of the mechanism's speeds [m/s]: below small parts of it a speed is rounding, or a rest that rattles.
+    """
+    noise = _NOISE * scale
+    above: float | None = None  # the last instant at which the component was positive, if it was not negative since
+    last: SmoothVelocity | None = None
+    for piece in pieces:
+        if piece is None:
+            above, last = None, None
+            continue
+        if above is not None and last is not None:
+            above = float(piece.knots[0])
+            start = piece.at(piece.knots[:1])[0]
+            if lead(start, angle) < -noise:
+                above, velocity = None, _on_line(last.at(last.knots[-1:])[0], start, angle)
+                if is_launch(velocity, angle, scale):
+                    return _launch(float(piece.knots[0]), velocity)
+        for t, across in _signed(piece, angle, noise):
+            starts = [t[:1] if above is None else [above], t]
+            before, positive = np.concatenate(starts)[:-1], np.append(above is not None, across > 0)
+            for i in np.flatnonzero(positive[:-1] & ~positive[1:]).tolist():
+                launch = _launch_between(piece.at, float(before[i]), float(t[i]), angle)
+                if is_launch(np.array(launch.velocity), angle, scale):
+                    return launch
+            above = (float(t[-1]) if len(t) else above) if positive[-1] else None
+        last = piece
+    return None if above is None or last is None else _launch_at_end(last, angle, scale)
+
+
+def _signed(piece: SmoothVelocity, angle: float, noise: float) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Instants [s] where :func:`lead` has a sign, and its values, some steps at a time; between two it is monotone."""
+    for first in range(0, len(piece.knots) - 1, _CHUNK):
+        t = _monotone_between(lambda t: lead(piece.at(t), angle), piece.knots[first : first + _CHUNK + 1], noise)
+        velocity = piece.at(t)
+        across = lead(velocity, angle)
+        clear = np.abs(across) > noise + _ROUNDING * np.linalg.norm(velocity, axis=1)
+        yield t[clear], across[clear]
+
+
+def _monotone_between(function: Component, knots: FloatArray, noise: float) -> FloatArray:
+    """Instants between which a function is monotone wherever it may be zero, the knots among them.
+
+    Args:
+        function: analytic between the knots.
+        knots: [s], shape (n,).
+        noise: what of the function is rounding.
+    """
+    coefficients = _interpolated(function, knots)
+    for _ in range(_HALVINGS):
+        sizes = np.abs(coefficients)
+        coarse = sizes[:, -2:].max(axis=1) > _RESOLVED * sizes.max(axis=1) + noise
+        if not np.any(coarse):
+            break
+        knots = np.unique(np.concatenate([knots, 0.5 * (knots[:-1] + knots[1:])[coarse]]))
+        coefficients = _interpolated(function, knots)
+    sizes = np.abs(coefficients)
+    may_be_zero = sizes[:, 0] <= (1.0 + _RESOLVED) * sizes[:, 1:].sum(axis=1) + noise
+    stationary = [
+        knots[i] + (knots[i + 1] - knots[i]) * 0.5 * (1.0 + _extremes(coefficients[i]))
+        for i in np.flatnonzero(may_be_zero).tolist()
+    ]
+    return np.unique(np.concatenate([knots, *stationary]))
+
+
+def _interpolated(function: Component, knots: FloatArray) -> FloatArray:
+    """Chebyshev coefficients of a function between the knots, shape (n - 1, _DEGREE + 1)."""
+    t = knots[:-1, None] + np.diff(knots)[:, None] * _NODES
+    t[:, -1] = knots[1:]
+    return function(t.ravel()).reshape(t.shape) @ _TO_CHEBYSHEV
+
+
+def _extremes(coefficients: FloatArray) -> FloatArray:
+    """Where a Chebyshev series is stationary in (-1, 1), or nearly so."""
+    size = np.abs(coefficients).max()
+    roots = chebyshev.chebroots(chebyshev.chebder(chebyshev.chebtrim(coefficients, _ROUNDING * size))).real
+    return roots[np.abs(roots) < 1]
+
+
+def _launch_between(velocity_at: Callable[[FloatArray], FloatArray], t0: float, t1: float, angle: float) -> Launch:
+    """Root of :func:`lead` between t0 and t1 [s] on a continuous velocity [m/s]."""
 
     def across(t: float) -> float:
-        return float(lead(velocity_at(t), angle))
+        return float(lead(velocity_at(np.array([t]))[0], angle))
 
     # An end that is the launch itself may be evaluated a rounding beside where its interval was found.
     ends = [t for t, sign in ((t0, 1.0), (t1, -1.0)) if sign * across(t) <= 0]
-    time = ends[0] if ends else float(brentq(across, t0, t1, xtol=1e-15, rtol=1e-15))
-    vx, vy = (float(v) for v in velocity_at(time))
+    shortest = max(1e-15 * (t1 - t0), np.finfo(np.float64).tiny)
+    time = ends[0] if ends else float(brentq(across, t0, t1, xtol=shortest, rtol=1e-15))
+    return _launch(time, velocity_at(np.array([time]))[0])
+
+
+def _launch_at_end(piece: SmoothVelocity, angle: float, scale: float) -> Launch | None:
+    """The end of a motion, if the velocity has just come down to the launch direction there."""
+    end = float(piece.knots[-1])
+    earlier, velocity = piece.at(np.array([0.5 * (piece.knots[-2] + end), end]))
+    across, speed = float(lead(velocity, angle)), float(np.linalg.norm(velocity))
+    falls = across < lead(earlier, angle) and across <= _AT_END * speed
+    return _launch(end, velocity) if falls and is_launch(velocity, angle, scale) else None
+
+
+def _on_line(start: FloatArray, end: FloatArray, angle: float) -> FloatArray:
+    """Where the straight line between two velocities meets the launch direction's line, shape (2,)."""
+    before, after = lead(start, angle), lead(end, angle)
+    return start + np.clip(before / (before - after), 0.0, 1.0) * (end - start)
+
+
+def _launch(time: float, velocity: FloatArray) -> Launch:
+    vx, vy = (float(v) for v in velocity)
     return Launch(time, math.hypot(vx, vy), (vx, vy))
 
 
@@ -70,7 +221,8 @@ def locate_launch(
 ) -> Launch | None:
     """Launch from samples, by the Hermite polynomial through the eight samples around the crossing.
 
-    Both positions and velocities are used: at a coarse step that is worth several digits over velocities alone.
+    Both positions and velocities are used: at a coarse step that is worth several digits over velocities alone. An
+    interval at whose two ends the component across the direction is positive, but small, is searched as well.
 
     Args:
         t: sample times [s], shape (n,).
@@ -80,19 +232,37 @@ def locate_launch(
         after: only crossings later than this count [s] (a projectile on its rest is not launched).
     """
     launch_angle = LAUNCH_ANGLE if angle is None else angle
-    keep = np.concatenate([[True], np.diff(t) > _SAME_TIME]) & (t >= after)
+    keep = np.concatenate([[True], np.diff(t) > _SAME_TIME * np.abs(t[1:])]) & (t >= after)
     t, position, velocity = t[keep], position[keep], velocity[keep]
-    i = launch_interval(velocity, launch_angle)
-    if i is None:
-        return None
-    near = slice(max(0, i + 1 - _NEIGHBOURS), i + 1 + _NEIGHBOURS)
-    step = float(t[i + 1] - t[i])
-    velocity_at = _hermite((t[near] - t[i]) / step, position[near] - position[i], velocity[near] * step)
-    launch = launch_on(lambda s: velocity_at(s / step) / step, 0.0, step, launch_angle)
-    return Launch(launch.time + float(t[i]), launch.speed, launch.velocity)
+    across, scale = lead(velocity, launch_angle), float(np.linalg.norm(velocity, axis=1).max(initial=0.0))
+    for i in _suspects(across, _NOISE * scale):
+        near = slice(max(0, i + 1 - _NEIGHBOURS), i + 1 + _NEIGHBOURS)
+        step = float(t[i + 1] - t[i])
+        velocity_at = _hermite((t[near] - t[i]) / step, position[near] - position[i], velocity[near] * step)
+        launch = first_launch([SmoothVelocity(np.array([0.0, 1.0]), velocity_at)], launch_angle)
+        if launch is None and across[i + 1] <= 0:  # the polynomial's rounding at an end that is the launch itself
+            launch = _launch_between(velocity_at, 0.0, 1.0, launch_angle)
+        if launch and is_launch(np.array(launch.velocity) / step, launch_angle, scale):
+            return _launch(float(t[i]) + step * launch.time, np.array(launch.velocity) / step)
+    return None
 
 
-def _hermite(x: FloatArray, values: FloatArray, slopes: FloatArray) -> Callable[[float], FloatArray]:
+def _suspects(across: FloatArray, least: float) -> list[int]:
+    """Intervals [i, i+1] of samples in which a component falls through zero, or may dip below it.
+
+    It may dip where it has its smallest sample, or the two smallest, and those are small for how sharply it turns.
+    """
+    falls = (across[:-1] > 0) & (across[1:] <= 0)
+    slopes = np.diff(across)
+    dips = np.zeros_like(falls)
+    if len(across) > 3:
+        bend = 2.0 * np.maximum(np.abs(np.diff(slopes)[:-1]), np.abs(np.diff(slopes)[1:]))
+        lowest = np.minimum(across[1:-2], across[2:-1])
+        dips[1:-1] = (slopes[:-2] < 0) & (slopes[2:] > 0) & (lowest > least) & (lowest <= bend)
+    return np.flatnonzero(falls | dips).tolist()
+
+
+def _hermite(x: FloatArray, values: FloatArray, slopes: FloatArray) -> Callable[[FloatArray], FloatArray]:
     """Derivative of the polynomial that takes the values and slopes at x."""
     both = np.empty((2 * len(x), values.shape[1]))
     both[::2], both[1::2] = values, slopes

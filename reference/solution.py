@@ -12,13 +12,12 @@ from scipy.integrate import OdeSolution
 
 from ..models.arrays import FloatArray, IndexArray
 from ..models.errors import InputError
-from ..models.launch import LAUNCH_ANGLE, Launch, launch_interval, launch_on, rest_opened
+from ..models.kinematics import PointCoefficients
+from ..models.launch import LAUNCH_ANGLE, Launch, SmoothVelocity, first_launch, rest_opened
 from ..models.mechanism import SlotJoint
 from ..models.problem import Problem
 from ..models.trajectory import PointMotion, Provenance, Trajectory
 from .equations import Equations
-
-_LAUNCH_SCAN = 2e-3  # [s] the velocity's direction is scanned at this interval for the launch
 
 
 @dataclass(frozen=True)
@@ -138,25 +137,44 @@ class Solution:
         return self.launch_at(LAUNCH_ANGLE)
 
     def launch_at(self, angle: float, marker: str = "projectile") -> Launch | None:
-        """First time the marker's velocity comes down to `angle` [rad] after its body's stops have opened."""
+        """First time the marker's velocity comes down to `angle` [rad] after its body's stops have opened.
+
+        Found on the integrator's own steps (:func:`...models.launch.first_launch`), and so the same in every solution
+        that is long enough. At an impact that turns the velocity through the direction, the velocity is the one
+        between those before and after it.
+        """
         marker_model = self.problem.mechanism.marker(marker)
         if marker_model is None:
             return None
-        row = self.equations.kinematics.point(marker_model.body, marker_model.point)
-
-        def velocity(t: FloatArray) -> FloatArray:
-            motion = self.motion(t)
-            return self.equations.kinematics.velocity(row, motion.q, motion.u)
-
         after = rest_opened(self.problem.mechanism, marker_model.body, self.release_times)
         if after is None:
             return None
-        end = self.segments[-1].end
-        scan = np.linspace(after, end, max(2, int((end - after) / _LAUNCH_SCAN) + 2))
-        i = launch_interval(velocity(scan), angle)
-        if i is None:
-            return None
-        return launch_on(lambda t: velocity(np.array([t]))[0], float(scan[i]), float(scan[i + 1]), angle)
+        row = self.equations.kinematics.point(marker_model.body, marker_model.point)
+        rests = {stop.name for stop in self.problem.mechanism.stops if stop.body == marker_model.body and stop.closed}
+        pieces = self._free_pieces(row, after, rests)
+        return first_launch(pieces, angle, self.equations.kinematics.speed_scale(row))
+
+    def _free_pieces(self, row: PointCoefficients, after: float, rests: set[str]) -> Iterator[SmoothVelocity | None]:
+        """A point's velocity from `after` [s] on, by segment; None where one of these stops pushes or strikes."""
+        strikes = {t for t, impulses in self.impacts if any(impulses.get(name, 0.0) > 0 for name in rests)}
+        for segment in self.segments:
+            if segment.end <= after:
+                continue
+            if rests.intersection(segment.closed) or segment.start in strikes:
+                yield None
+            if not rests.intersection(segment.closed):
+                yield self._velocity(segment, row, after)
+
+    def _velocity(self, segment: Segment, row: PointCoefficients, after: float) -> SmoothVelocity:
+        """A point's velocity in one segment, from `after` [s] on."""
+
+        def at(t: FloatArray) -> FloatArray:
+            q, u = np.split(np.asarray(segment.interpolant(t)).T, 2, axis=1)
+            return self.equations.kinematics.velocity(row, q, u)
+
+        knots = np.unique(np.asarray(segment.interpolant.ts, dtype=np.float64))
+        start = max(after, segment.start)
+        return SmoothVelocity(np.concatenate([[start], knots[knots > start]]), at)
 
     def trajectory(self, t: FloatArray, provenance: Provenance | None = None) -> Trajectory:
         """The motion at the given times [s], shape (n,), with all that a trajectory holds."""
