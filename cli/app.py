@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ..models.errors import TrebucheckError
+from ..models.errors import SimulationError, TrebucheckError
 from . import catalogue, certify, paper, recommend, run, studies, throw
 
 app = typer.Typer(
@@ -67,6 +67,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     try:
         code = app(args=arguments, prog_name="trebucheck", standalone_mode=False)
+    except SimulationError as error:
+        return _refused(str(error), code=1)
     except TrebucheckError as error:
         return _refused(str(error))
     except KeyboardInterrupt:
@@ -85,9 +87,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 _INTERRUPTED = 130
 
 
-def _refused(sentence: str) -> int:
+def _refused(sentence: str, code: int = 2) -> int:
     print(f"error: {sentence}", file=sys.stderr)
-    return 2
+    return code
 
 
 def _interrupted() -> int:

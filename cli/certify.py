@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +12,9 @@ import typer
 from . import options, output
 
 if TYPE_CHECKING:
+    from ..comparisons.runs.runner import Worker
     from ..comparisons.runs.study import Progress
+    from ..models.machines.parameters import TrebuchetParameters
     from ..models.mechanism import Mechanism
 
 
@@ -19,33 +22,55 @@ def certify_command(
     models: options.Models = "fixed,rolling",
     assignments: options.Set = None,
     beam: options.Beam = None,
+    timeout: options.Timeout = 600.0,
     out: Annotated[Path, typer.Option("--out", help="Folder for one JSON file a machine.")] = Path("certificates"),
 ) -> None:
     """Compute each machine's figures in every independent way there is; write values and uncertainties.
 
     Formulations: minimal and redundant coordinates, the paper's equations. Integrators: DOP853 over a ladder of
-    tolerances, and Taylor series in double and extended precision where heyoka is installed.
+    tolerances, and Taylor series in double and extended precision where heyoka is installed. Ends with exit code 1 if a
+    machine's motion could not be computed.
 
     Examples:
     trebucheck certify --out certificates
 
     trebucheck certify --models fixed --set l1=9.5
     """
-    from ..comparisons.report import terminal
-    from ..comparisons.report.sections import certificate_report
-    from ..models.files import refuse_unwritable, write_text
-    from ..reference.certification.certify import certify
+    from ..comparisons.runs.runner import Worker
+    from ..models.errors import SimulationError
+    from ..models.files import refuse_unwritable
 
     chosen = options.parameters(assignments, beam)
     machines = options.machines(models, assignments, beam)
     refuse_unwritable(out)
-    for name, mechanism in zip(options.names(models, "--models"), machines, strict=True):
-        command = _command(name, assignments, beam)
-        with output.progress(width=28) as show:
-            certificate = certify(mechanism, chosen.whipper(name), command=command, progress=_named(mechanism, show))
-        write_text(out / f"{mechanism.name}.json", certificate.to_json() + "\n")
-        terminal.show(certificate_report(certificate), terminal.console())
-        terminal.console().print(f"Certificate: {out / f'{mechanism.name}.json'}\n", soft_wrap=True)
+    failed = False
+    with Worker(options.positive(timeout, "--timeout")) as worker:
+        for name, mechanism in zip(options.names(models, "--models"), machines, strict=True):
+            command = _command(name, assignments, beam)
+            try:
+                _certify(mechanism, chosen.whipper(name), command, worker, out / f"{mechanism.name}.json")
+            except SimulationError as error:  # the others must not be lost with it
+                failed = True
+                print(f"error: {mechanism.name}: {error}", file=sys.stderr)
+    if failed:
+        raise typer.Exit(1)
+
+
+def _certify(
+    mechanism: Mechanism, parameters: TrebuchetParameters | None, command: str, worker: Worker, path: Path
+) -> None:
+    """One machine's certificate, written and shown."""
+    from ..comparisons.report import terminal
+    from ..comparisons.report.sections import certificate_report
+    from ..models.files import write_text
+    from ..reference.certification.certify import certify
+
+    with output.progress(width=28) as show:
+        named = _named(mechanism, show)
+        certificate = certify(mechanism, parameters, command=command, progress=named, call=worker.compute)
+    write_text(path, certificate.to_json() + "\n")
+    terminal.show(certificate_report(certificate), terminal.console())
+    terminal.console().print(f"Certificate: {path}\n", soft_wrap=True)
 
 
 def _command(name: str, assignments: list[str] | None, beam: float | None) -> str:

@@ -46,6 +46,17 @@ EngineOption = Annotated[
 ]
 
 
+def positive(value: float, option: str) -> float:
+    """A number that must be greater than zero.
+
+    Raises:
+        InputError: it is not.
+    """
+    if not value > 0:
+        raise InputError(f"{option} {value!r} must be positive.")
+    return value
+
+
 def names(text: str, what: str) -> list[str]:
     """Split a comma list.
 

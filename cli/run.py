@@ -10,6 +10,7 @@ import typer
 from . import options, output
 
 if TYPE_CHECKING:
+    from ..comparisons.runs.runner import Worker
     from ..models.mechanism import Mechanism
 
 
@@ -23,6 +24,7 @@ def run_command(
     beam: options.Beam = None,
     option: options.EngineOption = None,
     stop_law: options.StopLaw = "release-once",
+    timeout: options.Timeout = 600.0,
     out: Annotated[Path, typer.Option("--out", help="NetCDF file to write, or a folder for it.")] = Path("report"),
 ) -> None:
     """Simulate one machine with one engine; write its trajectory as NetCDF and print a summary.
@@ -33,6 +35,7 @@ def run_command(
     trebucheck run --engine pymunk --preset stock --option iterations=30
     """
     from ..comparisons.report.sections import run_report
+    from ..comparisons.runs.runner import Worker, simulate
     from ..engines.registry import engine as make
     from ..models.files import refuse_unwritable
     from ..models.problem import Problem
@@ -43,17 +46,19 @@ def run_command(
     if timestep is not None:
         own["timestep"] = timestep
     runner = make(engine, preset, **own)
-    problem = Problem(mechanism, duration=_to_launch(mechanism) if duration is None else duration, stop_law=stop_law)
+    given = None if duration is None else Problem(mechanism, duration=duration, stop_law=stop_law)
     path = out if out.suffix == ".nc" else out / f"{mechanism.name}-{engine}-{preset}.nc"
     refuse_unwritable(path.parent)
-    trajectory = runner.simulate(problem)
+    with Worker(options.positive(timeout, "--timeout")) as worker:
+        problem = given or Problem(mechanism, duration=_to_launch(mechanism, worker), stop_law=stop_law)
+        trajectory = worker.call(simulate, runner, problem)
     save(trajectory, path)
     output.show(run_report(trajectory), Trajectory=path)
 
 
-def _to_launch(mechanism: Mechanism) -> float:
+def _to_launch(mechanism: Mechanism, worker: Worker) -> float:
     """A little past the reference's launch [s]."""
-    from ..reference.solver import solve_to_launch
+    from ..comparisons.runs.runner import Runner
 
-    launch = solve_to_launch(mechanism).launch
+    launch = Runner(mechanism, worker).solution.launch
     return launch.time + 0.02 if launch else 3.0

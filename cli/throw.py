@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ..models.errors import InputError
 from . import options, output
+
+if TYPE_CHECKING:
+    from ..comparisons.runs.runner import Worker
+    from ..models.machines.parameters import TrebuchetParameters
+    from ..reference.throw.throw import Throw
 
 ReleaseAngle = Annotated[
     float | None,
@@ -47,6 +53,7 @@ def throw_command(
     body: Body = None,
     height: Height = 0.0,
     sensitivities: WithSensitivities = False,
+    timeout: options.Timeout = 600.0,
     out: Out = Path("report"),
 ) -> None:
     """Throw with one machine: launch, flight, best release and the forces in its members.
@@ -62,10 +69,10 @@ def throw_command(
 
     trebucheck throw --model rolling --sensitivities
     """
+    from ..comparisons.runs.runner import Worker
     from ..comparisons.throw.report import document
     from ..models.files import refuse_unwritable
     from ..models.machines.parameters import TrebuchetParameters
-    from ..reference.throw.sensitivity import sensitivities_of
     from ..reference.throw.throw import perform
 
     chosen = options.parameters(assignments, beam)
@@ -83,10 +90,20 @@ def throw_command(
         "release_time": release_time,
         "sling_angle": None if sling_angle is None else math.radians(sling_angle),
     }
-    performance = perform(mechanism, release, best=best, density=density, drag_area=drag_area, body=body, height=height)
-    throw = performance.throw
-    if sensitivities:
-        parameters = (chosen.whipper(model.strip()) or TrebuchetParameters()).model_copy(update={"g": throw.gravity})
-        throw = throw.model_copy(update={"sensitivities": sensitivities_of(model.strip(), parameters)})
+    more = {"best": best, "density": density, "drag_area": drag_area, "body": body, "height": height}
+    with Worker(options.positive(timeout, "--timeout")) as worker:
+        performance = worker.compute(partial(perform, mechanism, release, **more))
+        throw = performance.throw
+        if sensitivities:
+            base = chosen.whipper(model.strip()) or TrebuchetParameters()
+            throw = _with_sensitivities(throw, model.strip(), base, worker)
     data = out / "throw.json", throw.to_json()
     output.publish(data, document(performance, throw), out / "throw.html", "Page")
+
+
+def _with_sensitivities(throw: Throw, model: str, base: TrebuchetParameters, worker: Worker) -> Throw:
+    from ..reference.throw.sensitivity import sensitivities_of
+
+    parameters = base.model_copy(update={"g": throw.gravity})
+    derivatives = worker.compute(partial(sensitivities_of, model, parameters))
+    return throw.model_copy(update={"sensitivities": derivatives})

@@ -237,10 +237,6 @@ class _Job:
     compute: Callable[[], Any]
 
 
-def _compute(job: _Job, _: None) -> Any:
-    return job.compute()
-
-
 class Jobs:
     """Functions of modules under way, in processes of their own that end with the `with` block.
 
@@ -270,7 +266,7 @@ class Jobs:
     def _alone(self, job: _Job) -> tuple[Any, str | None]:
         """Its result, and why there is none."""
         try:
-            return self._worker.call(_compute, job, None), None
+            return self._worker.compute(job.compute, job.name), None
         except Exception as error:  # whatever goes wrong in one study, the others must go on
             return None, failure(error)[1]
 

@@ -9,7 +9,7 @@ import signal
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from queue import SimpleQueue
 from typing import Any, Protocol, TypeVar
 
@@ -48,6 +48,11 @@ _WARM_UP_STEPS = 100  # at most
 _START = 120.0  # [s] longest wait for a process to start
 
 
+def simulate(runner: Engine, problem: Problem) -> Trajectory:
+    """Simulate, as a function that a process can be sent."""
+    return runner.simulate(problem)
+
+
 def simulate_warm(runner: Engine, problem: Problem) -> Trajectory:
     """Simulate, after a short run whose time is not counted."""
     step = runner.timestep or _WARM_UP
@@ -76,6 +81,17 @@ def block_sigint() -> Generator[None, None, None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@dataclass(frozen=True)
+class _Computation:
+    """What a worker computes that is not an engine's run."""
+
+    name: str
+
+
+def _computed(_: _Computation, compute: Callable[[], _Result]) -> _Result:
+    return compute()
 
 
 @dataclass
@@ -115,6 +131,15 @@ class Worker:
             return self._isolated(function, runner, given) if self.isolate else function(runner, given)
         except MemoryError as error:
             raise SimulationError(f"{runner.name} ran out of memory: {error}.") from None
+
+    def compute(self, compute: Callable[[], _Result], name: str = "the reference") -> _Result:
+        """Call a function without arguments in a process; raises as :meth:`call` does.
+
+        Args:
+            compute: a module's function, or a partial of one.
+            name: of whose work it is, for messages.
+        """
+        return self.call(_computed, _Computation(name), compute)
 
     def _isolated(self, function: Callable[[_Runner, _Given], _Result], runner: _Runner, given: _Given) -> _Result:
         pool = self._idle.get()
@@ -183,26 +208,14 @@ def failure(error: Exception) -> tuple[Outcome, str]:
     return Outcome.UNSUPPORTED if isinstance(error, UnsupportedProblemError) else Outcome.FAILED, str(error)
 
 
-@dataclass(frozen=True)
-class _Reference:
-    """What the worker calls the reference in its messages."""
-
-    name: str = "the reference"
-
-
-def _solve(reference: _Reference, given: tuple[Mechanism, float | None, StopLaw]) -> Solution:
+def _solve(mechanism: Mechanism, duration: float | None, law: StopLaw) -> Solution:
     """For so long [s], or to the launch, which is then found here, too, and kept with the solution."""
-    mechanism, duration, law = given
     if duration is None:
         solution = solve_to_launch(mechanism, law)
     else:
         solution = solve(Problem(mechanism, duration=duration, stop_law=law))
     _ = solution.launch
     return solution
-
-
-def _uncertainties(_: _Reference, given: tuple[Solution, float]) -> Uncertainties:
-    return reference_uncertainty(*given)
 
 
 class Runner:
@@ -238,7 +251,7 @@ class Runner:
             SimulationError: it failed or did not come to an end.
         """
         duration = None if self._duration is None else self._duration + _REFERENCE_TAIL
-        return self.worker.call(_solve, _Reference(), (self.mechanism, duration, self.law))
+        return self.worker.compute(partial(_solve, self.mechanism, duration, self.law))
 
     @cached_property
     def uncertainties(self) -> Uncertainties:
@@ -247,7 +260,7 @@ class Runner:
         Raises:
             SimulationError: as for :attr:`solution`.
         """
-        return self.worker.call(_uncertainties, _Reference(), (self.solution, self.end))
+        return self.worker.compute(partial(reference_uncertainty, self.solution, self.end))
 
     @cached_property
     def end(self) -> float:

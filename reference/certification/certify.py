@@ -119,6 +119,7 @@ def certify(
     command: str = "",
     ladder: Sequence[float] = LADDER,
     progress: Progress | None = None,
+    call: Callable[[Callable[[], Any]], Any] = lambda compute: compute(),
 ) -> Certificate:
     """Compute a machine's figures in every independent way there is, and their uncertainties.
 
@@ -128,6 +129,8 @@ def certify(
             too. Left out, Table I is tried.
         command: what made this certificate, to be written into it.
         ladder: tolerances of DOP853, the tightest last.
+        progress: called before each computation.
+        call: makes each computation; it may do so in another process, and raise SimulationError.
 
     Raises:
         InputError: the ladder has fewer than two rungs or is not falling.
@@ -135,13 +138,13 @@ def certify(
     """
     if len(ladder) < 2 or list(ladder) != sorted(ladder, reverse=True):
         raise InputError(f"ladder = {list(ladder)!r} must hold at least two falling tolerances.")
-    problem, plan = _problem(mechanism)
+    problem, plan = call(partial(_problem, mechanism))
     tasks, absent = _tasks(problem, plan, parameters, ladder)
     results: dict[str, Values] = {}
     for done, task in enumerate(tasks):
         if progress:
             progress(task.computation.name, done, len(tasks))
-        _make(task, results, absent)
+        _make(task, call, results, absent)
     computations = tuple(task.computation for task in tasks if task.computation.name in results)
     return Certificate(
         model=mechanism.name,
@@ -155,9 +158,11 @@ def certify(
     )
 
 
-def _make(task: _Task, results: dict[str, Values], absent: list[str]) -> None:
+def _make(
+    task: _Task, call: Callable[[Callable[[], Values]], Values], results: dict[str, Values], absent: list[str]
+) -> None:
     try:
-        results[task.computation.name] = task.compute()
+        results[task.computation.name] = call(task.compute)
     except Exception as error:  # an optional library may raise anything; the certificate records it
         if not task.optional:
             raise

@@ -162,3 +162,35 @@ def test_one_machine_whose_reference_fails_costs_only_its_rows(tmp_path: Path, c
     assert "the reference gave up" in said.out.replace("\n", " ")
     assert "Traceback" not in said.err
     assert "Warning" not in said.err
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["throw"],
+        ["throw", "--sensitivities"],
+        ["run", "--engine", "reference"],
+        ["certify"],
+        ["converge", "--engine", "pymunk"],
+        ["explain", "--engine", "pymunk"],
+        ["recommend", "--position", "1e-3"],
+    ],
+)
+def test_every_command_stops_the_reference_in_time(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(runs, "_computed", _hang)
+    began = time.perf_counter()
+    assert main([*command, "--model", "fixed", "--timeout", "0.3", "--out", str(tmp_path)]) == 1
+    assert time.perf_counter() - began < 20
+    said = capsys.readouterr()
+    assert "the reference did not finish within 0.3 s and was stopped." in " ".join((said.out + said.err).split())
+    assert "Traceback" not in said.err
+
+
+def test_a_certificate_that_fails_does_not_cost_the_next(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    file = tmp_path / "cranks.json"
+    file.write_text(parallel_cranks().to_json())
+    assert main(["certify", "--models", f"{file},fixed", "--timeout", "60", "--out", str(tmp_path / "out")]) == 1
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["fixed.json"]
+    assert "error: cranks: the reference gave up at t = 0.714" in capsys.readouterr().err
