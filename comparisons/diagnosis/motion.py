@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -14,25 +12,29 @@ from ...engines.registry import engine as make
 from ...models.arrays import FloatArray
 from ...models.errors import TrebucheckError
 from ...models.mechanism import Mechanism
-from ...models.problem import Problem, StopLaw
+from ...models.problem import Problem
 from ...models.trajectory import Trajectory
+from ...reference.equations import Equations
 from ...reference.perturbed import WithoutCentrifugal, solve_scheduled
 from ...reference.solution import Solution
-from ...reference.solver import solve
 from ..runs.metrics import against
 from ..runs.results import Cause, Diagnosis, Run
+from .case import Case
+from .consistent import with_closed_loops
 from .onset import find_onset
 from .ranking import ranked
-from .signatures import Channels, Match, match, readings, thinned, weights
-from .suspects import Suspect, machine_suspects, more_wrong, with_closed_loops
+from .readings import Reading, readings
+from .search import fitting_faults
+from .signatures import fit, match
+from .suspects import machine_suspects
 
 Simulate = Callable[[Engine, Problem], Trajectory]
 
-_SAMPLES = 300  # of the compared motion: enough to tell suspects apart
-_TELLING = 0.05
-_CERTAIN = 0.98  # a suspect that accounts for so much ends the search before engines have to run again
-_REFINED = 4  # suspects that are tried once more with the size found, for what is not linear
-_TOLERANCE = 1e-11  # of the suspects' motions
+_CERTAIN = 0.999  # share of a reading's mistake from which on no other cause is looked for
+_CORRECTIONS = 4  # of a size that has no linear effect
+_MISREAD = 0.01  # of the deviation: what deviates by less is right, where other quantities are wrong
+_STATE = ("coordinates", "speeds of coordinates")
+_UNTOLD = ("torque", "force")  # what solvers compute by iteration may be noisy on a right motion: no mistake of reading
 
 
 def diagnose_motion(
@@ -48,114 +50,59 @@ def diagnose_motion(
         engine: with its options; it is run again with other ones where no suspect explains the deviation.
         simulate: how engines are run.
     """
-    case = _Case(trajectory, solution, end)
+    case = Case(trajectory, solution, end)
     onset = find_onset(against(trajectory, solution, end), run.broken)
-    causes, likeliest = ranked(_causes(case, engine, simulate))
+    causes, likeliest = _ranked_causes(case, engine, simulate) if case.can_be_read else ((), 0)
     return Diagnosis(
         leads=onset.first_violated if onset else run.broken[0].label,
         parts_at=onset.time if onset else None,
         holding=onset.active if onset else (),
         causes=causes,
         likeliest=likeliest,
+        motion_agrees=case.can_be_read and _motion_agrees(case),
     )
 
 
-def _causes(case: _Case, engine: Engine, simulate: Simulate) -> Iterator[Cause]:
-    causes = [*_machine_causes(case), *_law_causes(case), *_reading_causes(case)]
-    yield from causes
+def _ranked_causes(case: Case, engine: Engine, simulate: Simulate) -> tuple[tuple[Cause, ...], int]:
+    """Mistakes of reading first, which cost nothing to compute; engines run again only if nothing else explains it."""
+    causes = [*_outright_causes(case), *_reading_causes(case)]
     if max((cause.explained for cause in causes), default=0.0) < _CERTAIN:
-        yield from _settings_causes(case, engine, simulate)
+        causes += [*fitting_faults(case), *_missing_causes(case), *_law_causes(case)]
+    if not ranked(causes)[1]:
+        causes += _settings_causes(case, engine, simulate)
+    if not ranked(causes)[1]:
+        causes += _misread(case)
+    return ranked(causes)
 
 
-@dataclass(frozen=True)
-class _Case:
-    """A trajectory's deviation, thinned and weighted, and the signatures of other trajectories."""
-
-    whole: Trajectory
-    solution: Solution
-    end: float
-
-    @cached_property
-    def trajectory(self) -> Trajectory:
-        # Without the start: an engine that records its states late still starts there.
-        n = int(np.searchsorted(self.whole.t, self.end, side="right"))
-        return thinned(self.whole, np.unique(np.linspace(1, n - 1, _SAMPLES).astype(int)))
-
-    @cached_property
-    def reference(self) -> Trajectory:
-        return self.solution.trajectory(self.trajectory.t)
-
-    @cached_property
-    def channels(self) -> Channels:
-        return Channels.of(self.trajectory, self.reference)
-
-    @cached_property
-    def weights(self) -> FloatArray:
-        return weights(self.channels.stacked(self.trajectory, self.reference))
-
-    @cached_property
-    def deviation(self) -> FloatArray:
-        return self.signature(self.trajectory)
-
-    def signature(self, wrong: Trajectory) -> FloatArray:
-        """Of a trajectory at the same times."""
-        return (self.weights * self.channels.stacked(wrong, self.reference)).ravel()
-
-    @property
-    def step(self) -> float:
-        return float(np.median(np.diff(self.whole.t)))
-
-    def carried(self, other: Trajectory) -> FloatArray:
-        """Signature of a trajectory at other times."""
-        difference = self.channels.stacked(other, self.solution.trajectory(other.t))
-        t = self.trajectory.t
-        return (self.weights * np.stack([np.interp(t, other.t, column) for column in difference.T], axis=1)).ravel()
-
-    def problem(self, mechanism: Mechanism) -> Problem:
-        law = StopLaw(self.solution.problem.stop_law)
-        return Problem(mechanism, duration=float(self.trajectory.t[-1]), stop_law=law)
-
-    def moved(self, mechanism: Mechanism) -> FloatArray | None:
-        """Signature of another mechanism's motion; None if it cannot be computed."""
-        try:
-            closed = with_closed_loops(mechanism)
-            if closed is None:
-                return None
-            solution = solve(self.problem(closed), _TOLERANCE, _TOLERANCE)
-            return self.signature(solution.trajectory(self.trajectory.t))
-        except TrebucheckError:
-            return None
+def _outright_causes(case: Case) -> Iterator[Cause]:
+    """What a trajectory shows by itself: an early end, and values that are no numbers."""
+    last, step = float(case.whole.t[-1]), case.step
+    if last < case.end - 2 * step:
+        amount = f"at {last:.6g} s instead of {case.end:.6g} s"
+        missing = 1.0 - last / case.end
+        size = float(np.abs(case.channels.stacked(case.trajectory, case.reference)).max())
+        yield Cause(name="run ends early", kind="reading", amount=amount, explained=missing / (missing + size))
+    for name, since in case.channels.unusable.items():
+        amount = f"from {since:.6g} s"
+        yield Cause(name=f"{name}: not a finite number", kind="reading", amount=amount, explained=1.0)
 
 
-def _machine_causes(case: _Case) -> Iterator[Cause]:
-    tried = [(s, case.moved(s.wrong)) for s in machine_suspects(case.whole.mechanism)]
-    matched = [
-        (suspect, match(case.deviation, signature, fixed=suspect.scale == 0))
-        for suspect, signature in tried
-        if signature is not None
-    ]
-    matched.sort(key=lambda pair: -pair[1].explained)
-    for rank, (suspect, fit) in enumerate(matched):
-        refined = _refined(case, suspect, fit.factor) if rank < _REFINED else None
-        factor, explained = refined or (fit.factor, fit.explained)
-        if max(explained, fit.explained) > _TELLING:
-            yield suspect.cause(factor, max(explained, fit.explained))
+def _missing_causes(case: Case) -> Iterator[Cause]:
+    """Parts that are missing, and data that are rounded: faults without a size."""
+    for suspect in machine_suspects(case.mechanism):
+        closed = None if suspect.scale else with_closed_loops(suspect.wrong)
+        solution = None if closed is None else case.solved(Equations(closed))
+        if solution is not None:
+            signatures = case.seen(solution, solution.motion(case.t))
+            share = max(match(case.deviation, signature, fixed=True).explained for signature in signatures)
+            yield suspect.cause(1.0, share)
 
 
-def _refined(case: _Case, suspect: Suspect, factor: float) -> tuple[float, float] | None:
-    """Factor and explained share of a suspect as large as it was found to be."""
-    larger = more_wrong(case.whole.mechanism, suspect, factor)
-    signature = None if larger is None else case.moved(larger.wrong)
-    if signature is None:
-        return None
-    fit = match(case.deviation, signature)
-    return factor * fit.factor, fit.explained
-
-
-def _law_causes(case: _Case) -> Iterator[Cause]:
+def _law_causes(case: Case) -> Iterator[Cause]:
     """Stops that open at other times than they should, or never; and forces of the wrong law."""
     engine_times, reference_times = case.whole.release_times, case.solution.release_times
-    closed = [stop.name for stop in case.whole.mechanism.stops if stop.closed]
+    closed = [stop.name for stop in case.mechanism.stops if stop.closed]
     right: dict[str, float | None] = {name: reference_times.get(name) for name in closed}
     for name in closed:
         opened = engine_times.get(name)
@@ -163,22 +110,21 @@ def _law_causes(case: _Case) -> Iterator[Cause]:
             amount = f"{_format_time(opened)} instead of {_format_time(right[name])}"
             yield from _release(case, name, amount, {**right, name: opened})
         if opened is not None:
-            yield from _scheduled(case, f"{name} never opens", "", {**right, name: None})
+            yield from _scheduled(case, f"{name} never opens", {**right, name: None})
     own = {name: engine_times.get(name) for name in closed}
-    without = WithoutCentrifugal(case.whole.mechanism)
-    yield from _scheduled(case, "velocity-dependent forces dropped", "", own, without)
+    yield from _scheduled(case, "velocity-dependent forces dropped", own, WithoutCentrifugal(case.mechanism))
 
 
-def _release(case: _Case, stop: str, amount: str, releases: Mapping[str, float | None]) -> Iterator[Cause]:
+def _release(case: Case, stop: str, amount: str, releases: Mapping[str, float | None]) -> Iterator[Cause]:
     """A release at another time: either the motion shows it, or only the reported time is wrong."""
-    yield from _scheduled(case, f"release of the {stop}", amount, releases)
     signature = _schedule(case, releases)
     if signature is None:
         return
+    share = match(case.deviation, signature, fixed=True).explained
+    yield Cause(name=f"release of the {stop}", kind="law", amount=amount, explained=share)
     would = float(np.linalg.norm(signature))
     explained = 1.0 - float(np.linalg.norm(case.deviation)) / would if would else 0.0
-    if explained > _TELLING:
-        yield Cause(name=f"reading of the {stop}'s release", kind="reading", amount=amount, explained=explained)
+    yield Cause(name=f"reading of the {stop}'s release", kind="reading", amount=amount, explained=explained)
 
 
 def _format_time(t: float | None) -> str:
@@ -186,47 +132,87 @@ def _format_time(t: float | None) -> str:
 
 
 def _scheduled(
-    case: _Case,
-    name: str,
-    amount: str,
-    releases: Mapping[str, float | None],
-    equations: WithoutCentrifugal | None = None,
+    case: Case, name: str, releases: Mapping[str, float | None], equations: Equations | None = None
 ) -> Iterator[Cause]:
     signature = _schedule(case, releases, equations)
-    fit = Match(0.0, 0.0) if signature is None else match(case.deviation, signature, fixed=True)
-    if fit.explained > _TELLING:
-        yield Cause(name=name, kind="law", amount=amount, explained=fit.explained)
+    if signature is not None:
+        share = match(case.deviation, signature, fixed=True).explained
+        yield Cause(name=name, kind="law", explained=share)
 
 
 def _schedule(
-    case: _Case, releases: Mapping[str, float | None], equations: WithoutCentrifugal | None = None
+    case: Case, releases: Mapping[str, float | None], equations: Equations | None = None
 ) -> FloatArray | None:
     try:
-        solution = solve_scheduled(case.problem(case.whole.mechanism), releases, equations)
+        solution = solve_scheduled(case.problem(case.mechanism), releases, equations)
     except TrebucheckError:
         return None
-    return case.signature(solution.trajectory(case.trajectory.t))
+    return case.signature(solution.trajectory(case.t))
 
 
-def _reading_causes(case: _Case) -> Iterator[Cause]:
+def _reading_causes(case: Case) -> Iterator[Cause]:
     for reading in readings(case.solution, case.reference, case.step):
-        fit = match(case.deviation, case.signature(reading.wrong))
-        if fit.explained > _TELLING:
-            amount = reading.amount(fit.factor)
-            yield Cause(name=reading.name, kind="reading", amount=amount, explained=fit.explained)
+        signatures = np.array([case.signature(wrong) for wrong in reading.wrong])
+        if reading.text is None:
+            share = match(case.deviation, signatures[0], fixed=True).explained
+            yield Cause(name=reading.name, kind="reading", explained=share)
+            continue
+        factors, explained = fit(case.deviation, signatures)
+        if reading.at is not None:
+            factors, explained = _corrected(case, reading, factors)
+        if explained > 0:
+            amount = reading.text(factors.tolist())
+            yield Cause(name=reading.name, kind="reading", amount=amount, explained=explained)
 
 
-def _settings_causes(case: _Case, engine: Engine, simulate: Simulate) -> Iterator[Cause]:
+def _corrected(case: Case, reading: Reading, factors: FloatArray) -> tuple[FloatArray, float]:
+    """Size and measured share of a mistake whose effect is not linear in it."""
+    best, share = factors, 0.0
+    for _ in range(_CORRECTIONS):
+        wrong = reading.at(float(factors[0])) if reading.at else None
+        if wrong is None:
+            break
+        signature = case.signature(wrong)
+        left = match(case.deviation, signature, fixed=True).explained
+        if left > share:
+            best, share = factors, left
+        factors = factors * match(case.deviation, signature).factor
+    return best, share
+
+
+def _wrong_quantities(case: Case) -> list[str]:
+    """Those that deviate by more than a small part of the whole deviation."""
+    return [name for name, share in case.shares.items() if share > _MISREAD]
+
+
+def _motion_agrees(case: Case) -> bool:
+    """Whether coordinates and speeds are right, or all positions and velocities are, while others deviate."""
+    wrong = _wrong_quantities(case)
+    points = [name for name in case.shares if name.startswith(("position", "velocity"))]
+    right = [all(name in case.shares and name not in wrong for name in names) for names in (_STATE, points) if names]
+    return bool(wrong) and any(right)
+
+
+def _misread(case: Case) -> Iterator[Cause]:
+    """Quantities that are read wrongly in a way that no suspect has: the motion itself is right."""
+    wrong = _wrong_quantities(case)
+    if _motion_agrees(case) and not any(name.startswith(_UNTOLD) for name in wrong):
+        rest = float(np.linalg.norm([share for name, share in case.shares.items() if name not in wrong]))
+        name = f"reading of the {', '.join(wrong)}"
+        yield Cause(name=name, kind="reading", amount="the motion is right", explained=1.0 - rest)
+
+
+def _settings_causes(case: Case, engine: Engine, simulate: Simulate) -> Iterator[Cause]:
     """The causes of the engine's error budget, removed one at a time: each explains the part that then vanishes."""
     size = float(np.linalg.norm(case.deviation))
-    problem = Problem(case.whole.mechanism, duration=case.whole.provenance.duration)
-    for name, amount, changed in _other_settings(engine, case.whole.mechanism):
+    problem = Problem(case.mechanism, duration=case.whole.provenance.duration)
+    for name, amount, changed in _other_settings(engine, case.mechanism):
         try:
             other = simulate(changed, problem)
         except TrebucheckError:
             continue
         explained = 1.0 - float(np.linalg.norm(case.carried(other))) / size if size else 0.0
-        if explained > _TELLING:
+        if explained > 0:
             yield Cause(name=name, kind="settings", amount=amount, explained=explained)
 
 

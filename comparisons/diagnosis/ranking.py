@@ -13,10 +13,12 @@ from collections.abc import Iterable
 
 from ..runs.results import Cause
 
-SUFFICIENT = 0.9
+SUFFICIENT = 0.95
 """Share of a deviation from which on a suspect can be its cause."""
 SAME = 0.99
 """Share from which on suspects have the same effect, as far as a deviation can tell."""
+EXACT = 0.999
+"""Share from which on what is left is the fit's own error."""
 _CLEARLY = 2.0  # times what the best suspect leaves: what the next one has to leave at least
 _MOST = 3  # suspects of the same effect that are worth a name
 _LISTED = 6
@@ -25,7 +27,8 @@ _TELLING = 0.05  # what accounts for less is no suspect
 
 def ranked(causes: Iterable[Cause]) -> tuple[tuple[Cause, ...], int]:
     """Suspects by the share that they account for, and how many of the first are named; 0: the cause is unknown."""
-    listed = sorted((c for c in causes if c.explained > _TELLING), key=lambda cause: -cause.explained)
+    every = [cause for cause in causes if cause.explained > _TELLING]
+    listed = sorted(every, key=lambda cause: -min(cause.explained, EXACT))
     return tuple(listed[:_LISTED]), _named([cause.explained for cause in listed])
 
 
@@ -33,6 +36,8 @@ def _named(shares: list[float]) -> int:
     """How many of the causes are named, from their shares in descending order."""
     if not shares or shares[0] < SUFFICIENT:
         return 0
-    near = sum(1 - share < _CLEARLY * (1 - shares[0]) for share in shares[1:]) + 1
-    same = 1 < near <= _MOST and shares[near - 1] >= SAME
-    return near if near == 1 or same else 0
+    left = [1 - min(share, EXACT) for share in shares]
+    near = sum(other < _CLEARLY * left[0] for other in left)
+    if near == 1:
+        return 1
+    return min(near, _MOST) if shares[near - 1] >= SAME else 0

@@ -2,94 +2,108 @@
 
 Deviations grow towards the launch, and late ones look alike whatever their cause. So all times are weighted alike: the
 deviation at a time is divided by its largest value up to then. A suspect's signature, the effect of one mistake on the
-reference, is an array of the same kind, fitted to the deviation by least squares. Mistakes of reading a right motion
-have their signatures here; those of mechanisms follow from :mod:`.suspects`.
+reference, is an array of the same kind, fitted to the deviation by least squares.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...models.arrays import FloatArray, IndexArray
 from ...models.trajectory import PointMotion, Trajectory
-from ...reference.solution import Solution
 
 _FAINT = 1e-4  # of the largest: earlier than this, rounding and steps are most of a deviation
 
 
 @dataclass(frozen=True)
-class Channels:
-    """The components of a deviation and their sizes; the same for all trajectories that are compared."""
+class Quantity:
+    """One kind of quantity, or that of one marker, stop or joint: its values and their size."""
 
-    markers: tuple[str, ...]
-    torques: tuple[str, ...]
-    reactions: tuple[str, ...]
-    reach: float
-    """[m]"""
-    speed: float
-    """[m/s]"""
-    torque: dict[str, float]
-    """Of each stop, the largest of its kind: those on angles [N m], those on points [N]."""
-    force: float
-    """[N]"""
-    energy: float
-    """[J]"""
+    kind: str
+    """As a report names it."""
+    subject: str
+    values: FloatArray
+    """Shape (n, n_components)."""
+    size: float | FloatArray
+
+
+def quantities(trajectory: Trajectory) -> dict[str, Quantity]:
+    """All that a trajectory tells, by name; sizes are those of its own motion."""
+    n_angles = len(trajectory.mechanism.bodies)
+    markers = trajectory.markers.items()
+    reach = max((_largest(m.position) for _, m in markers), default=0.0) or 1.0
+    speed = max((_largest(m.velocity) for _, m in markers), default=0.0) or _largest(trajectory.u) or 1.0
+    force = max((_largest(f) for f in trajectory.joint_reactions.values()), default=0.0) or 1.0
+    energy = _largest(trajectory.kinetic_energy) or 1.0
+    is_angle = np.arange(trajectory.q.shape[1]) < n_angles
+    rate = _largest(trajectory.u[:, :n_angles]) or 1.0
+    rows = [
+        Quantity("coordinates", "", trajectory.q, np.where(is_angle, 1.0, reach)),
+        Quantity("speeds of coordinates", "", trajectory.u, np.where(is_angle, rate, speed)),
+        *(Quantity("position", name, m.position, reach) for name, m in markers),
+        *(Quantity("velocity", name, m.velocity, speed) for name, m in markers),
+        *_stops(trajectory),
+        *(Quantity("force", name, f, force) for name, f in trajectory.joint_reactions.items()),
+        Quantity("kinetic energy", "", trajectory.kinetic_energy[:, None], energy),
+        Quantity("potential energy", "", trajectory.potential_energy[:, None], energy),
+    ]
+    return {f"{row.kind} of the {row.subject}" if row.subject else row.kind: row for row in rows}
+
+
+def _stops(trajectory: Trajectory) -> list[Quantity]:
+    """Torques and forces of the stops that are closed at the start, in parts of the largest of their unit."""
+    stops = [s for s in trajectory.mechanism.stops if s.closed and s.name in trajectory.stop_torques]
+    torques = {stop.name: trajectory.stop_torques[stop.name] for stop in stops}
+    peak = {s.force_unit: 0.0 for s in stops}
+    for stop in stops:
+        peak[stop.force_unit] = max(peak[stop.force_unit], _largest(torques[stop.name]))
+    return [Quantity(s.effort, s.name, torques[s.name][:, None], peak[s.force_unit] or 1.0) for s in stops]
+
+
+def _largest(values: FloatArray) -> float:
+    return float(np.abs(values).max(initial=0.0))
+
+
+@dataclass(frozen=True)
+class Channels:
+    """The quantities of a deviation and their sizes; the same for all trajectories that are compared."""
+
+    sizes: Mapping[str, float | FloatArray]
+    """By quantity, of the reference."""
+    unusable: Mapping[str, float]
+    """Quantities that are not finite, and from which time on [s]."""
 
     @classmethod
     def of(cls, trajectory: Trajectory, reference: Trajectory) -> Channels:
-        """Those that both have, measured by the reference."""
-        markers = tuple(name for name in trajectory.markers if name in reference.markers)
-        torques = tuple(s.name for s in reference.mechanism.stops if s.closed and s.name in trajectory.stop_torques)
-        reactions = tuple(name for name in trajectory.joint_reactions if name in reference.joint_reactions)
-        return cls(
-            markers=markers,
-            torques=torques,
-            reactions=reactions,
-            reach=max(_largest(reference.markers[name].position) for name in markers),
-            speed=max(_largest(reference.markers[name].velocity) for name in markers) or 1.0,
-            torque=_sizes(reference, torques),
-            force=max((_largest(reference.joint_reactions[name]) for name in reactions), default=0.0) or 1.0,
-            energy=_largest(reference.kinetic_energy) or 1.0,
-        )
+        """Those that both have, at the same times."""
+        given, right = quantities(trajectory), quantities(reference)
+        common = [name for name in right if name in given and given[name].values.shape == right[name].values.shape]
+        finite = {name: np.isfinite(given[name].values).all(axis=1) for name in common}
+        unusable = {name: float(trajectory.t[np.argmin(ok)]) for name, ok in finite.items() if not ok.all()}
+        return cls({name: right[name].size for name in common if name not in unusable}, unusable)
+
+    def parts(self, one: Trajectory, other: Trajectory) -> dict[str, FloatArray]:
+        """One minus the other at the same times in units of their size, each of shape (n, n_components)."""
+        first, second = quantities(one), quantities(other)
+
+        def of(given: Mapping[str, Quantity], name: str) -> FloatArray:
+            # A suspect may have lost the stop or the joint: then it carries nothing.
+            return given[name].values if name in given else np.zeros_like(second[name].values)
+
+        return {name: (of(first, name) - of(second, name)) / size for name, size in self.sizes.items()}
 
     def stacked(self, one: Trajectory, other: Trajectory) -> FloatArray:
-        """One minus the other at the same times, shape (n, n_channels)."""
-        parts = [(one.markers[n].position - other.markers[n].position) / self.reach for n in self.markers]
-        parts += [(one.markers[n].velocity - other.markers[n].velocity) / self.speed for n in self.markers]
-        parts += [((_torque(one, n) - _torque(other, n)) / self.torque[n])[:, None] for n in self.torques]
-        parts += [(_reaction(one, n) - _reaction(other, n)) / self.force for n in self.reactions]
-        energies = ((one.kinetic_energy - other.kinetic_energy), (one.potential_energy - other.potential_energy))
-        parts += [(energy / self.energy)[:, None] for energy in energies]
-        return np.concatenate(parts, axis=1)
+        """All parts beside each other, shape (n, n_channels)."""
+        return np.concatenate(list(self.parts(one, other).values()), axis=1)
 
 
 def weights(deviation: FloatArray) -> FloatArray:
     """Of each time: one over how large the deviation has become by then, shape (n, 1)."""
     grown = np.maximum.accumulate(np.abs(deviation).max(axis=1))
     return 1.0 / np.maximum(grown, _FAINT * (grown[-1] or 1.0))[:, None]
-
-
-def _sizes(reference: Trajectory, stops: tuple[str, ...]) -> dict[str, float]:
-    units = {name: reference.mechanism.stop(name).force_unit for name in stops}
-    peaks = {name: _largest(reference.stop_torques[name]) for name in stops}
-    return {name: max(peaks[other] for other in stops if units[other] == units[name]) or 1.0 for name in stops}
-
-
-def _largest(values: FloatArray) -> float:
-    return float(np.abs(values).max())
-
-
-def _torque(trajectory: Trajectory, name: str) -> FloatArray:
-    """A suspect may have lost the stop."""
-    return trajectory.stop_torques.get(name, np.zeros(len(trajectory.t)))
-
-
-def _reaction(trajectory: Trajectory, name: str) -> FloatArray:
-    """A suspect may have lost the joint."""
-    return trajectory.joint_reactions.get(name, np.zeros((len(trajectory.t), 2)))
 
 
 @dataclass(frozen=True)
@@ -117,64 +131,18 @@ def match(deviation: FloatArray, signature: FloatArray, fixed: bool = False) -> 
     return Match(factor, 1.0 - left / size)
 
 
-_SMALL = 1e-6
-_INSTANT = 1e-6  # [s]
-
-
-@dataclass(frozen=True)
-class Reading:
-    """A mistake of a small size, and how that size is formatted."""
-
-    name: str
-    wrong: Trajectory
-    amount: Callable[[float], str]
-    """From the fitted factor to text."""
-
-
-def readings(solution: Solution, reference: Trajectory, step: float) -> Iterator[Reading]:
-    """Readings of the reference that are wrong in one way.
+def fit(deviation: FloatArray, signatures: FloatArray) -> tuple[FloatArray, float]:
+    """Fit several signatures at once by least squares: their factors, and the share that they explain.
 
     Args:
-        reference: at the engine's times.
-        step: the engine's [s].
+        deviation: shape (m,).
+        signatures: shape (n, m).
     """
-    for name, torque in reference.stop_torques.items():
-        if torque.any():
-            wrong = replace(reference, stop_torques={**reference.stop_torques, name: torque * (1 + _SMALL)})
-            yield Reading(f"scale of the {name}'s {reference.mechanism.stop(name).effort}", wrong, _scale)
-    scaled = {name: torque * (1 + _SMALL) for name, torque in reference.stop_torques.items()}
-    yield Reading("scale of all stop torques", replace(reference, stop_torques=scaled), _scale)
-    for name, force in reference.joint_reactions.items():
-        wrong = replace(reference, joint_reactions={**reference.joint_reactions, name: force * (1 + _SMALL)})
-        yield Reading(f"scale of the {name}'s force", wrong, _scale)
-    for name, marker in reference.markers.items():
-        longer = PointMotion(marker.position * (1 + _SMALL), marker.velocity * (1 + _SMALL))
-        yield Reading(f"scale of the {name}", replace(reference, markers={**reference.markers, name: longer}), _scale)
-    yield from _late(solution, reference, step)
-
-
-def _late(solution: Solution, reference: Trajectory, step: float) -> Iterator[Reading]:
-    """Everything, or one kind of quantity, read at another time."""
-    end = solution.segments[-1].end
-    later = solution.trajectory(np.minimum(reference.t + _INSTANT, end))
-
-    def shift_text(factor: float) -> str:
-        shift = factor * _INSTANT
-        return f"{shift:+.3g} s, {shift / step:+.3g} steps"
-
-    yield Reading("time shifted", replace(later, t=reference.t), shift_text)
-    moved = {n: PointMotion(m.position, later.markers[n].velocity) for n, m in reference.markers.items()}
-    yield Reading("velocities shifted in time", replace(reference, markers=moved), shift_text)
-    moved = {n: PointMotion(later.markers[n].position, m.velocity) for n, m in reference.markers.items()}
-    yield Reading("positions shifted in time", replace(reference, markers=moved), shift_text)
-    yield Reading("torques shifted in time", replace(reference, stop_torques=later.stop_torques), shift_text)
-    yield Reading("forces shifted in time", replace(reference, joint_reactions=later.joint_reactions), shift_text)
-    yield Reading("kinetic energy shifted in time", replace(reference, kinetic_energy=later.kinetic_energy), shift_text)
-
-
-def _scale(factor: float) -> str:
-    value = 1.0 + factor * _SMALL
-    return "wrong sign" if abs(value + 1.0) < 1e-3 else f"times {value:.6g}"
+    size, lengths = float(np.linalg.norm(deviation)), np.linalg.norm(signatures, axis=1)
+    if size == 0.0 or not lengths.all() or not np.isfinite(lengths).all():
+        return np.zeros(len(signatures)), 0.0
+    factors = np.linalg.lstsq((signatures / lengths[:, None]).T, deviation, rcond=1e-10)[0] / lengths
+    return factors, 1.0 - float(np.linalg.norm(deviation - factors @ signatures)) / size
 
 
 def thinned(trajectory: Trajectory, keep: IndexArray) -> Trajectory:

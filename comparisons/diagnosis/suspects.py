@@ -13,17 +13,15 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import TypeAdapter
 
-from ...models.errors import InputError
-from ...models.kinematics import Kinematics
+from ...models.kinematics import initial_state
 from ...models.machines.parameters import TrebuchetParameters
 from ...models.machines.registry import model
 from ...models.machines.trebuchet import parameters_of
-from ...models.mechanism import AnyStop, Mechanism, PinJoint, PointStop, SlotJoint, Stop
-from ...models.spec import Vector
-from ...reference.equations import Equations, consistent_coordinates
+from ...models.mechanism import Mechanism, PinJoint, SlotJoint
+from ...reference.equations import Equations, consistent_speeds
 from ..runs.results import Cause
+from .consistent import consistent_mechanism
 
 Kind = Literal["machine", "start", "law", "reading", "settings"]
 _SMALL = 1e-6  # relative, or [rad] or [m]: well above rounding and linear
@@ -42,6 +40,8 @@ class Suspect:
     """Of the amount; '': relative."""
     start_moves: bool = False
     """Where a closed stop no longer touches: whether the start is moved to where it does, instead of the stop."""
+    group: str = ""
+    """Suspects of one group are components of one mistake, such as a point that is wrong along x and along y."""
 
     def amount(self, factor: float) -> str:
         """The error that explains the deviation, `factor` times `scale`, as text."""
@@ -74,22 +74,27 @@ def machine_suspects(mechanism: Mechanism) -> tuple[Suspect, ...]:
 
 def more_wrong(mechanism: Mechanism, suspect: Suspect, factor: float) -> Suspect | None:
     """The same suspect with `factor` times its amount, for what is not linear; None where there is no such machine."""
-    if suspect.scale == 0:
-        return None
-    blended = _blended(mechanism.model_dump(), suspect.wrong.model_dump(), factor)
-    wrong = consistent_mechanism(blended, suspect.start_moves)
+    wrong = combined(mechanism, (suspect,), (factor,))
     return None if wrong is None else replace(suspect, wrong=wrong, scale=suspect.scale * factor)
 
 
-def _blended(right: Any, wrong: Any, factor: float) -> Any:
-    """Right + factor (wrong - right), number by number."""
+def combined(mechanism: Mechanism, suspects: Sequence[Suspect], factors: Sequence[float]) -> Mechanism | None:
+    """The mechanism with several suspects at once, each with so many times its amount; None where there is none."""
+    if any(suspect.scale == 0 for suspect in suspects):
+        return None
+    blended = _blended(mechanism.model_dump(), [suspect.wrong.model_dump() for suspect in suspects], factors)
+    return consistent_mechanism(blended, any(suspect.start_moves for suspect in suspects))
+
+
+def _blended(right: Any, wrong: Sequence[Any], factors: Sequence[float]) -> Any:
+    """Right + sum of factor (wrong - right), number by number."""
     if isinstance(right, dict):
-        return {key: _blended(value, wrong[key], factor) for key, value in right.items()}
-    if isinstance(right, tuple | list):
-        return tuple(_blended(a, b, factor) for a, b in zip(right, wrong, strict=True))
+        return {key: _blended(value, [w[key] for w in wrong], factors) for key, value in right.items()}
+    if isinstance(right, tuple | list) and all(len(right) == len(w) for w in wrong):
+        return tuple(_blended(a, b, factors) for a, b in zip(right, zip(*wrong, strict=True), strict=True))
     if isinstance(right, float):
-        return right + factor * (wrong - right)
-    return right
+        return right + sum(factor * (w - right) for w, factor in zip(wrong, factors, strict=True))
+    return wrong[0]
 
 
 def _parameters(mechanism: Mechanism) -> Iterator[Suspect]:
@@ -127,7 +132,7 @@ def _masses(mechanism: Mechanism) -> Iterator[Suspect]:
     """Masses and inertias of single bodies; a parameter of the same effect comes before them."""
     named = parameters_of(mechanism) is not None
     for body in mechanism.bodies:
-        if not named:
+        if not named or body.inertia:  # the mass of a named point is a parameter
             wrong = _with_part(mechanism, "bodies", body.name, {"mass": body.mass * (1 + _SMALL)})
             yield from _suspect(f"mass of the {body.name}", "machine", wrong)
         grown = body.inertia * _SMALL or body.mass * _SMALL  # of a point mass: a radius of gyration of a millimetre
@@ -137,23 +142,56 @@ def _masses(mechanism: Mechanism) -> Iterator[Suspect]:
 
 
 def _centres(mechanism: Mechanism) -> Iterator[Suspect]:
-    """Centres of mass along their bodies."""
+    """Centres of mass, along their bodies and across."""
     for body in mechanism.bodies:
-        if body.centre != (0.0, 0.0):
-            wrong = _with_part(mechanism, "bodies", body.name, {"centre": _longer(body.centre)})
-            yield from _suspect(f"centre of mass of the {body.name}", "machine", wrong)
+        name = f"centre of mass of the {body.name}"
+        for moved in _moves(mechanism, body.centre):
+            wrong = _with_part(mechanism, "bodies", body.name, {"centre": moved.point})
+            yield from moved.suspect(name, wrong)
 
 
 def _positions(mechanism: Mechanism) -> Iterator[Suspect]:
     """Places of joints on the bodies that carry them."""
-    for joint in mechanism.joints:
+    for joint in mechanism.tree_joints:
         for end in ("parent", "child"):
-            point = getattr(joint, f"{end}_point")
-            if point != (0.0, 0.0):
-                wrong = _with_part(mechanism, "joints", joint.name, {f"{end}_point": _longer(point)})
-                yield from _suspect(f"place of the {joint.name} on the {getattr(joint, end)}", "machine", wrong)
+            body = getattr(joint, end)
+            for moved in _moves(mechanism, getattr(joint, f"{end}_point")):
+                wrong = _with_part(mechanism, "joints", joint.name, {f"{end}_point": moved.point})
+                yield from moved.suspect(f"place of the {joint.name} on the {body}", wrong)
     for joint in mechanism.loop_joints:
         yield from _shifted(mechanism, joint)
+
+
+@dataclass(frozen=True)
+class _Move:
+    """A point moved a little: along its direction from the body's origin, or across."""
+
+    point: tuple[float, float]
+    where: str
+    scale: float
+    unit: str
+
+    def suspect(self, name: str, wrong: Mechanism | None) -> Iterator[Suspect]:
+        own = f"{name}, {self.where}" if self.where else name
+        yield from _suspect(own, "machine", wrong, scale=self.scale, unit=self.unit, group=name)
+
+
+def _moves(mechanism: Mechanism, point: tuple[float, float]) -> Iterator[_Move]:
+    step, size = _SMALL * mechanism_length(mechanism), math.hypot(*point)
+    if size == 0:
+        yield _Move((step, 0.0), "x", step, "m")
+        yield _Move((0.0, step), "y", step, "m")
+        return
+    yield _Move(_longer(point), "", _SMALL, "")
+    aside = step / size
+    yield _Move((point[0] - aside * point[1], point[1] + aside * point[0]), "across", step, "m")
+
+
+def mechanism_length(mechanism: Mechanism) -> float:
+    """The largest distance of any of its points from the origin of its body [m]; 1 where all are at the origins."""
+    points = [joint.parent_point for joint in mechanism.joints] + [joint.child_point for joint in mechanism.joints]
+    points += [body.centre for body in mechanism.bodies] + [marker.point for marker in mechanism.markers]
+    return max(math.hypot(*point) for point in points) or 1.0
 
 
 def _shifted(mechanism: Mechanism, joint: PinJoint | SlotJoint) -> Iterator[Suspect]:
@@ -163,8 +201,8 @@ def _shifted(mechanism: Mechanism, joint: PinJoint | SlotJoint) -> Iterator[Susp
             if end == "parent" and isinstance(joint, SlotJoint) and abs(np.dot(_AXES[axis], joint.axis)) == 1.0:
                 continue  # a slot moved along its own line is the same slot
             wrong = _with_part(mechanism, "joints", joint.name, {f"{end}_point": point})
-            name = f"place of the {joint.name} on the {getattr(joint, end)}, {axis}"
-            yield from _suspect(name, "machine", wrong, unit="m")
+            group = f"place of the {joint.name} on the {getattr(joint, end)}"
+            yield from _suspect(f"{group}, {axis}", "machine", wrong, unit="m", group=group)
 
 
 _AXES = {"x": (1.0, 0.0), "y": (0.0, 1.0)}
@@ -201,8 +239,8 @@ def wall_suspects(mechanism: Mechanism) -> Iterator[Suspect]:
         yield from _suspect(f"direction of the {stop.name}", "machine", wrong, unit="rad")
         for point, axis in zip(_aside(stop.point), "xy", strict=True):
             wrong = _with_part(mechanism, "stops", stop.name, {"point": point}, start_moves=True)
-            name = f"point of the {stop.name} on the {stop.body}, {axis}"
-            yield from _suspect(name, "machine", wrong, unit="m", start_moves=True)
+            group = f"point of the {stop.name} on the {stop.body}"
+            yield from _suspect(f"{group}, {axis}", "machine", wrong, unit="m", start_moves=True, group=group)
 
 
 def _gravity(mechanism: Mechanism) -> Iterator[Suspect]:
@@ -215,11 +253,27 @@ def _starts(mechanism: Mechanism) -> Iterator[Suspect]:
     named = parameters_of(mechanism) is not None
     for i, name in enumerate(mechanism.coordinates):
         is_angle = i < len(mechanism.bodies)
+        yield from _start_speed(mechanism, i)
         if named and is_angle:
             continue  # a parameter
         start = tuple(value + _SMALL * (k == i) for k, value in enumerate(mechanism.start))
         unit = "rad" if is_angle else "m"
         yield from _suspect(f"start of {name}", "start", _changed(mechanism, start=start), unit=unit)
+
+
+def _start_speed(mechanism: Mechanism, i: int) -> Iterator[Suspect]:
+    """One start speed; the others are moved with it where stops or loops tie them to it."""
+    equations, (q, u) = Equations(mechanism), initial_state(mechanism)
+    is_angle = i < len(mechanism.bodies)
+    rate = math.sqrt((mechanism.gravity or 1.0) / mechanism_length(mechanism))
+    step = _SMALL * rate * (1.0 if is_angle else mechanism_length(mechanism))
+    wrong = np.zeros_like(u)
+    wrong[i] = step
+    wrong = consistent_speeds(equations, q, wrong, [stop.name for stop in mechanism.stops if stop.closed])
+    if abs(wrong[i]) > 1e-3 * step:  # else it is held
+        name = f"start speed of {mechanism.coordinates[i]}"
+        changed = _changed(mechanism, start_speeds=tuple((u + wrong).tolist()))
+        yield from _suspect(name, "start", changed, scale=step, unit="rad/s" if is_angle else "m/s")
 
 
 def _missing(mechanism: Mechanism) -> Iterator[Suspect]:
@@ -259,82 +313,3 @@ def _cut(data: Any, cut: Callable[[float], float]) -> Any:
     if isinstance(data, tuple | list):
         return tuple(_cut(value, cut) for value in data)
     return cut(data) if isinstance(data, float) else data
-
-
-_STOPS = TypeAdapter[tuple[Stop | PointStop, ...]](tuple[AnyStop, ...])
-
-
-def consistent_mechanism(fields: dict[str, Any], start_moves: bool = False) -> Mechanism | None:
-    """A mechanism of these fields whose closed stops touch at its start; None if there is none.
-
-    Joints that close a loop may be open there, see :func:`with_closed_loops`.
-
-    Args:
-        fields: as a mechanism's `model_dump`; directions are brought to length one.
-        start_moves: where a closed stop does not touch, the start is taken to where it does; else the stop is.
-    """
-    fields = {**fields, "joints": _unit(fields["joints"], "axis"), "stops": _unit(fields["stops"], "normal")}
-    try:
-        return _mechanism(fields)
-    except InputError:
-        pass
-    try:
-        bare, stops = _mechanism(fields, stops=()), _STOPS.validate_python(fields["stops"])
-        touching = bare.model_copy(update={"stops": _touching(bare, stops)})
-        if not start_moves:
-            return _mechanism(touching.model_dump())
-        start = _consistent_start(touching, stops)
-        return None if start is None else _mechanism(fields, start=start)
-    except InputError:
-        return None
-
-
-def with_closed_loops(mechanism: Mechanism) -> Mechanism | None:
-    """The mechanism with its start moved to the nearest one at which its loops close; None if there is none.
-
-    Closed stops stay where they are, and still touch.
-    """
-    if not any(mechanism.loop_closure_residual.values()):
-        return mechanism
-    start = _consistent_start(mechanism, mechanism.stops)
-    return None if start is None else consistent_mechanism({**mechanism.model_dump(), "start": start})
-
-
-def _mechanism(fields: dict[str, Any], **changes: Any) -> Mechanism:
-    return Mechanism(**{**fields, **changes})
-
-
-def _unit(parts: Sequence[dict[str, Any]], direction: str) -> list[dict[str, Any]]:
-    return [
-        part | {direction: tuple(value / math.hypot(*part[direction]) for value in part[direction])}
-        if direction in part
-        else dict(part)
-        for part in parts
-    ]
-
-
-def _touching(bare: Mechanism, stops: Sequence[Stop | PointStop]) -> tuple[Stop | PointStop, ...]:
-    """The stops, with those that are closed moved to where they touch at the mechanism's start."""
-    kinematics, q = Kinematics(bare), np.array(bare.start)
-    angle = {body.name: bare.start[i] for i, body in enumerate(bare.bodies)}
-
-    def position(body: str, point: Vector) -> complex:
-        return complex(*kinematics.position(kinematics.point(body, point), q))
-
-    def moved(stop: Stop | PointStop) -> Stop | PointStop:
-        return stop.model_copy(update={stop.position_field: float(stop.component(angle.__getitem__, position))})
-
-    return tuple(moved(stop) if stop.closed else stop for stop in stops)
-
-
-def _consistent_start(mechanism: Mechanism, stops: Sequence[Stop | PointStop]) -> tuple[float, ...] | None:
-    """The start nearest to the mechanism's at which loops close and closed stops touch.
-
-    Args:
-        stops: the mechanism's, where they really stand.
-    """
-    closed = [(own, real) for own, real in zip(mechanism.stops, stops, strict=True) if own.closed]
-    gaps = np.array([real.position - own.position for own, real in closed])
-    names = [own.name for own, _ in closed]
-    start = consistent_coordinates(Equations(mechanism), np.array(mechanism.start), names, gaps)
-    return None if start is None else tuple(start.tolist())

@@ -5,15 +5,11 @@ The gate sees what is built; only the motion tells how stops let go, how steps a
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import cache
-
 import faulty
 import numpy as np
 import pytest
 from faulty import TABLE_ONE, Fault, body, parameters, run_with, without
 from trebucheck.comparisons.compare.report import diagnosis
-from trebucheck.comparisons.diagnosis import motion
 from trebucheck.comparisons.runs.results import Outcome
 
 GATE, MOTION = Outcome.UNEQUAL, Outcome.BROKEN
@@ -69,14 +65,6 @@ FAULTS = (
         {"newton_relative": 1e-2, "newton_absolute": 1e-2, "modified_newton": True, "timestep": 1e-3},
     ),
 )  # fmt: skip
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _suspects_solved_once() -> Iterator[None]:
-    """Every fault is laid to the same suspects; to save time, each one's motion is integrated once."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(motion, "solve", cache(motion.solve))
-        yield
 
 
 @pytest.mark.parametrize("model", ["fixed", pytest.param("rolling", marks=pytest.mark.slow)])

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from functools import cache
 
 import faulty
 import pytest
 from faulty import Fault, run_with, tilted_slot, tilted_wall, without, without_joint
 from trebucheck.comparisons.compare.report import diagnosis
-from trebucheck.comparisons.diagnosis import motion
 from trebucheck.comparisons.runs.results import Outcome
 
 GATE, MOTION = Outcome.UNEQUAL, Outcome.BROKEN
@@ -70,14 +67,6 @@ FLOATING_ARM = (
     Fault("points not held as they move", MOTION, "moving points", {}, options={"moving_points": False}),
     Fault("foot of the wall stays behind", MOTION, "", {}, "pymunk", patch=_still_foot),
 )
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _suspects_solved_once() -> Iterator[None]:
-    """Every fault is laid to the same suspects; to save time, each one's motion is integrated once."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(motion, "solve", cache(motion.solve))
-        yield
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
-from trebucheck.comparisons.diagnosis.suspects import machine_suspects, more_wrong, with_closed_loops
+from trebucheck.comparisons.diagnosis.consistent import with_closed_loops
+from trebucheck.comparisons.diagnosis.suspects import machine_suspects, more_wrong
 from trebucheck.comparisons.explain import causes_of
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.models.machines.registry import model

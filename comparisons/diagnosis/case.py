@@ -1,0 +1,128 @@
+"""One deviation to be explained: a trajectory beside the reference, and the signatures of other motions beside both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ...models.arrays import FloatArray
+from ...models.errors import TrebucheckError
+from ...models.mechanism import Mechanism
+from ...models.problem import Problem, StopLaw
+from ...models.trajectory import Trajectory
+from ...reference.equations import Equations
+from ...reference.solution import Motion, Solution
+from ...reference.solver import solve
+from .signatures import Channels, thinned, weights
+
+_SAMPLES = 300  # of the compared motion: enough to tell suspects apart
+_FEWEST = 3
+_TOLERANCE = 1e-11  # of the suspects' motions
+
+
+@dataclass(frozen=True)
+class Case:
+    """A trajectory's deviation, thinned and weighted, and the signatures of other trajectories."""
+
+    whole: Trajectory
+    solution: Solution
+    end: float
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """As the reference moves it."""
+        return self.solution.problem.mechanism
+
+    @property
+    def compared(self) -> int:
+        """How many samples of the trajectory are compared."""
+        return int(np.searchsorted(self.whole.t, self.end, side="right"))
+
+    @property
+    def can_be_read(self) -> bool:
+        """Whether there are samples enough."""
+        return self.compared > _FEWEST
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """As given, at some of its times."""
+        # Without the start: an engine that records its states late still starts there.
+        return thinned(self.whole, np.unique(np.linspace(1, self.compared - 1, _SAMPLES).astype(int)))
+
+    @property
+    def t(self) -> FloatArray:
+        """Times at which it is compared [s]."""
+        return self.trajectory.t
+
+    @cached_property
+    def motion(self) -> Motion:
+        """The reference's, at these times."""
+        return self.solution.motion(self.t)
+
+    @cached_property
+    def reference(self) -> Trajectory:
+        """The reference's trajectory at these times."""
+        return self.solution.reading(self.t, self.motion)
+
+    @cached_property
+    def channels(self) -> Channels:
+        """What is compared."""
+        return Channels.of(self.trajectory, self.reference)
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """Of each time, shape (n, 1)."""
+        return weights(self.channels.stacked(self.trajectory, self.reference))
+
+    @cached_property
+    def deviation(self) -> FloatArray:
+        """To be explained, flat."""
+        return self.signature(self.trajectory)
+
+    @cached_property
+    def shares(self) -> dict[str, float]:
+        """Size of the deviation of each quantity, in parts of the whole."""
+        parts = self.channels.parts(self.trajectory, self.reference)
+        size = float(np.linalg.norm(self.deviation)) or 1.0
+        return {name: float(np.linalg.norm(self.weights * part)) / size for name, part in parts.items()}
+
+    def signature(self, wrong: Trajectory) -> FloatArray:
+        """Of a trajectory at the same times, flat."""
+        return (self.weights * self.channels.stacked(wrong, self.reference)).ravel()
+
+    @property
+    def step(self) -> float:
+        """The engine's [s]."""
+        return float(np.median(np.diff(self.whole.t)))
+
+    def carried(self, other: Trajectory) -> FloatArray:
+        """Signature of a trajectory at other times."""
+        difference = self.channels.stacked(other, self.solution.trajectory(other.t))
+        columns = [np.interp(self.t, other.t, column) for column in difference.T]
+        return (self.weights * np.stack(columns, axis=1)).ravel()
+
+    def problem(self, mechanism: Mechanism) -> Problem:
+        """To be solved as far as is compared."""
+        law = StopLaw(self.solution.problem.stop_law)
+        return Problem(mechanism, duration=float(self.t[-1]), stop_law=law)
+
+    def solved(self, equations: Equations) -> Solution | None:
+        """The motion under other equations; None if it cannot be computed."""
+        try:
+            with np.errstate(all="ignore"):
+                return solve(self.problem(equations.mechanism), _TOLERANCE, _TOLERANCE, equations)
+        except (TrebucheckError, np.linalg.LinAlgError, ValueError):
+            return None
+
+    def seen(self, wrong: Solution, motion: Motion) -> tuple[FloatArray, FloatArray]:
+        """Signatures of a faulty motion, as an engine reads it that believes in the fault, and as others do.
+
+        An engine with a wrong body computes markers and energies by that; an adapter that gets coordinates from the
+        engine computes them from the right description.
+        """
+        own = wrong.reading(self.t, motion)
+        right = self.solution.reading(self.t, replace(self.motion, q=motion.q, u=motion.u))
+        mixed = replace(right, stop_torques=own.stop_torques, joint_reactions=own.joint_reactions)
+        return self.signature(own), self.signature(mixed)

@@ -1,0 +1,119 @@
+"""What may be wrong with a mechanism or the forces in it, each as equations with a fault of a given size."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import groupby
+
+from ...models.mechanism import Mechanism
+from ...reference.equations import Equations
+from ...reference.perturbed import WithJoint, WithTiltedGravity
+from .consistent import with_closed_loops
+from .suspects import Kind, Suspect, combined, machine_suspects, mechanism_length
+
+_SMALL = 1e-6
+_MOST = 10.0  # times the right value: a parameter that is wrong by more is no small mistake of it
+
+
+@dataclass(frozen=True)
+class Component:
+    """One number of a hypothesis."""
+
+    label: str
+    scale: float
+    """Its small size, in its unit; relative where it has none."""
+    unit: str
+    length: float = math.inf
+    """The mechanism's [m]: no point of it is farther off than that."""
+    positive: bool = False
+    """A stiffness or a damping: less than none would drive the mechanism."""
+
+    def is_sensible(self, factor: float) -> bool:
+        """Whether `factor` times the small size is a value that such a fault can have."""
+        size = factor * self.scale
+        lowest = {"": -1.0, "rad": -math.pi, "m": -self.length}.get(self.unit, -math.inf)
+        highest = {"": _MOST, "rad": math.pi, "m": self.length}.get(self.unit, math.inf)
+        return math.isfinite(size) and lowest < size < highest and not (self.positive and size < 0)
+
+    def text(self, factor: float) -> str:
+        """`factor` times the small size."""
+        size = factor * self.scale
+        value = f"{size:+.3g} {self.unit}" if self.unit else f"{100 * size:+.3g} %"
+        return f"{self.label} {value}" if self.label else value
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A fault whose size is one number or two."""
+
+    name: str
+    kind: Kind
+    components: tuple[Component, ...]
+    group: str
+    """Hypotheses of one group are the same mistake with more or fewer components."""
+    make: Callable[[Sequence[float]], Equations | None]
+    """Equations with so many times each component's small size; None where there is no such mechanism."""
+
+    def equations(self, factors: Sequence[float]) -> Equations | None:
+        """With a fault of that size; None where the size makes no sense, or there is no such mechanism."""
+        pairs = zip(self.components, factors, strict=True)
+        return self.make(factors) if all(c.is_sensible(factor) for c, factor in pairs) else None
+
+    def text(self, factors: Sequence[float]) -> str:
+        """The size."""
+        return ", ".join(c.text(factor) for c, factor in zip(self.components, factors, strict=True))
+
+
+def hypotheses(mechanism: Mechanism) -> list[Hypothesis]:
+    """All faults of a size; those of several components also with each of them alone."""
+    suspects = [suspect for suspect in machine_suspects(mechanism) if suspect.scale]
+    found: list[Hypothesis] = []
+    for _, group in groupby(suspects, key=lambda suspect: suspect.group or suspect.name):
+        members = list(group)
+        found += [_of_suspects(mechanism, suspect.name, [suspect]) for suspect in members]
+        if len(members) > 1:
+            found.append(_of_suspects(mechanism, members[0].group, members))
+    return [*found, *_laws(mechanism)]
+
+
+def _of_suspects(mechanism: Mechanism, name: str, suspects: Sequence[Suspect]) -> Hypothesis:
+    length = 2 * mechanism_length(mechanism)
+    labels = [s.name.removeprefix(s.group).lstrip(", ") or "along" for s in suspects] if len(suspects) > 1 else [""]
+    components = [Component(label, s.scale, s.unit, length) for label, s in zip(labels, suspects, strict=True)]
+
+    def make(factors: Sequence[float]) -> Equations | None:
+        wrong = combined(mechanism, suspects, factors)
+        closed = None if wrong is None else with_closed_loops(wrong)
+        return None if closed is None else Equations(closed)
+
+    return Hypothesis(name, suspects[0].kind, tuple(components), suspects[0].group or name, make)
+
+
+def _laws(mechanism: Mechanism) -> Iterator[Hypothesis]:
+    """Forces that the mechanism does not have, in parts of what gravity can do."""
+    length, gravity = mechanism_length(mechanism), mechanism.gravity or 1.0
+    torque = _SMALL * sum(body.mass for body in mechanism.bodies) * gravity * length
+
+    def law(name: str, make: Callable[[Sequence[float]], Equations], *components: Component) -> Hypothesis:
+        return Hypothesis(name, "law", components, name, make)
+
+    if mechanism.gravity:
+        tilt = Component("", _SMALL, "rad")
+        yield law("direction of gravity", lambda f: WithTiltedGravity(mechanism, f[0] * _SMALL), tilt)
+    viscous = Component("viscous", torque * math.sqrt(length / gravity), "N m s/rad", positive=True)
+    spring = Component("stiffness", torque, "N m/rad", positive=True)
+    constant = Component("torque at the start", torque, "N m")
+    for joint in mechanism.joints:
+        element = partial(WithJoint, mechanism, joint.name)
+        yield law(f"friction of the {joint.name}", lambda f, e=element: e(damping=f[0] * viscous.scale), viscous)
+        yield law(f"torque on the {joint.name}", lambda f, e=element: e(torque=f[0] * torque), constant)
+        yield law(f"spring on the {joint.name}", lambda f, e=element: e(stiffness=f[0] * torque), spring)
+        both = partial(_sprung, element, torque)
+        yield law(f"spring on the {joint.name}", both, spring, constant)
+
+
+def _sprung(element: Callable[..., Equations], unit: float, factors: Sequence[float]) -> Equations:
+    return element(stiffness=factors[0] * unit, torque=factors[1] * unit)

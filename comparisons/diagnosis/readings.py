@@ -1,0 +1,284 @@
+"""Mistakes of reading a right motion: wrong scale, sign, point, time, unit or precision of what is recorded."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from ...models.arrays import FloatArray
+from ...models.kinematics import Kinematics
+from ...models.mechanism import GROUND
+from ...models.spec import Vector
+from ...models.trajectory import PointMotion, Trajectory
+from ...reference.solution import Solution
+from .suspects import mechanism_length
+
+_INSTANT = 1e-6  # of the compared time
+_LATEST = 0.2  # of the compared time: what is later by more is not the same motion at another time
+_DEGREES = 180 / math.pi
+_ALIKE = 1e-3  # of a factor that is taken for a sign or a unit
+
+Points = dict[str, PointMotion]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The reference, read with a mistake."""
+
+    name: str
+    wrong: tuple[Trajectory, ...]
+    """With a mistake of size one; of several numbers, with each of them. Linear in them, but for times."""
+    text: Callable[[Sequence[float]], str] | None = None
+    """The size, from the fitted factors; None: it has none."""
+    at: Callable[[float], Trajectory | None] | None = None
+    """With a mistake of another size, where that is not linear; None where that makes no sense."""
+
+
+def readings(solution: Solution, reference: Trajectory, step: float) -> Iterator[Reading]:
+    """Readings of the reference that are wrong in one way.
+
+    Args:
+        reference: at the engine's times.
+        step: the engine's [s].
+    """
+    yield from _scales(reference)
+    yield from _axes(reference)
+    yield from _points(solution, reference)
+    yield from _of_coordinates(reference)
+    yield from _energies(reference)
+    yield from _late(solution, reference, step)
+    for kind, wrong in (("single precision", _single), ("six digits", _six_digits)):
+        yield Reading(f"everything in {kind}", (_mapped(reference, wrong),))
+    yield Reading("no motion: everything as at the start", (_frozen(solution, reference),))
+
+
+def _scales(r: Trajectory) -> Iterator[Reading]:
+    """One kind of quantity, or that of one stop, joint or marker, times a number."""
+
+    def scaled(what: str, **doubled: object) -> Reading:
+        return Reading(f"scale of {what}", (replace(r, **doubled),), lambda f: _scale(f[0]))  # type: ignore[arg-type]
+
+    for name, torque in r.stop_torques.items():
+        if torque.any():
+            effort = r.mechanism.stop(name).effort
+            yield scaled(f"the {name}'s {effort}", stop_torques={**r.stop_torques, name: 2 * torque})
+    yield scaled("all stop torques", stop_torques={n: 2 * v for n, v in r.stop_torques.items()})
+    for name, force in r.joint_reactions.items():
+        yield scaled(f"the {name}'s force", joint_reactions={**r.joint_reactions, name: 2 * force})
+    yield scaled("all joint forces", joint_reactions={n: 2 * v for n, v in r.joint_reactions.items()})
+    for position, velocity, what in ((2, 2, ""), (2, 1, "position of "), (1, 2, "velocity of ")):
+        points = {n: PointMotion(position * m.position, velocity * m.velocity) for n, m in r.markers.items()}
+        for name in r.markers:
+            yield scaled(f"the {what}{name}", markers={**r.markers, name: points[name]})
+        if len(points) > 1:
+            yield scaled(f"the {what}markers", markers=points)
+    yield scaled("the coordinates", q=2 * r.q)
+    yield scaled("the coordinates' speeds", u=2 * r.u)
+    yield scaled("the coordinates and their speeds", q=2 * r.q, u=2 * r.u)
+    yield scaled(
+        "all speeds", u=2 * r.u, markers={n: PointMotion(m.position, 2 * m.velocity) for n, m in r.markers.items()}
+    )
+    yield scaled("the kinetic energy", kinetic_energy=2 * r.kinetic_energy)
+    yield scaled("the potential energy", potential_energy=2 * r.potential_energy)
+    yield scaled("both energies", kinetic_energy=2 * r.kinetic_energy, potential_energy=2 * r.potential_energy)
+
+
+def _axes(r: Trajectory) -> Iterator[Reading]:
+    """Components of vectors with the wrong sign, exchanged, or in the frame of a body."""
+    changes: tuple[tuple[str, Callable[[FloatArray], FloatArray]], ...] = (
+        ("mirrored, x", lambda v: v * [-1, 1]),
+        ("mirrored, y", lambda v: v * [1, -1]),
+        ("x and y exchanged", lambda v: v[:, ::-1]),
+    )
+    for how, change in changes:
+        mirrored = {n: PointMotion(change(m.position), change(m.velocity)) for n, m in r.markers.items()}
+        yield Reading(f"markers {how}", (replace(r, markers=mirrored),))
+        slow = {n: PointMotion(m.position, mirrored[n].velocity) for n, m in r.markers.items()}
+        yield Reading(f"velocities of the markers {how}", (replace(r, markers=slow),))
+        forces = {n: change(v) for n, v in r.joint_reactions.items()}
+        yield Reading(f"joint forces {how}", (replace(r, joint_reactions=forces),))
+    turned = {joint.name: _in_frame(r, joint.child, r.joint_reactions[joint.name]) for joint in r.mechanism.joints}
+    yield Reading("joint forces in the frame of the body", (replace(r, joint_reactions=turned),))
+
+
+def _in_frame(r: Trajectory, body: str, vectors: FloatArray) -> FloatArray:
+    """Vectors of the world by their components in a body's frame."""
+    angle = r.q[:, [b.name for b in r.mechanism.bodies].index(body)]
+    z = (vectors[:, 0] + 1j * vectors[:, 1]) * np.exp(1j * angle)
+    return np.stack([z.real, z.imag], axis=1)
+
+
+def _points(solution: Solution, r: Trajectory) -> Iterator[Reading]:
+    """Markers at the wrong point: another marker's, another known point, or a little off on the body."""
+    for one, other in combinations(r.markers, 2):
+        swapped = {**r.markers, one: r.markers[other], other: r.markers[one]}
+        yield Reading(f"{one} and {other} exchanged", (replace(r, markers=swapped),))
+    kinematics, length = solution.equations.kinematics, mechanism_length(r.mechanism)
+    for marker in r.mechanism.markers:
+        if marker.name not in r.markers:
+            continue
+        for (body, point), what in _known_points(r).items():
+            if (body, point) != (marker.body, marker.point):
+                taken = {**r.markers, marker.name: _at(kinematics, r, body, point)}
+                yield Reading(f"{marker.name} taken for {what}", (replace(r, markers=taken),))
+        if marker.body != GROUND:
+            shifts = [(marker.point[0] + length, marker.point[1]), (marker.point[0], marker.point[1] + length)]
+            moved = [_at(kinematics, r, marker.body, point) for point in shifts]
+            wrong = tuple(replace(r, markers={**r.markers, marker.name: motion}) for motion in moved)
+            yield Reading(f"point of the {marker.name} on the {marker.body}", wrong, _shift_text(length))
+
+
+def _known_points(r: Trajectory) -> dict[tuple[str, Vector], str]:
+    """Points of the bodies that something is at."""
+    points: dict[tuple[str, Vector], str] = {}
+    for joint in r.mechanism.joints:
+        if joint.parent != GROUND:
+            points[joint.parent, joint.parent_point] = f"the {joint.name}"
+        points[joint.child, joint.child_point] = f"the {joint.name}"
+    for body in r.mechanism.bodies:
+        points[body.name, body.centre] = f"the {body.name}'s centre of mass"
+    return points
+
+
+def _at(kinematics: Kinematics, r: Trajectory, body: str, point: Vector) -> PointMotion:
+    row = kinematics.point(body, point)
+    return PointMotion(kinematics.position(row, r.q), kinematics.velocity(row, r.q, r.u))
+
+
+def _shift_text(length: float) -> Callable[[Sequence[float]], str]:
+    return lambda f: f"x {f[0] * length:+.3g} m, y {f[1] * length:+.3g} m"
+
+
+def _of_coordinates(r: Trajectory) -> Iterator[Reading]:
+    """Angles and their speeds: single signs, wrapped, relative to the start or to the parent."""
+    for i, name in enumerate(r.mechanism.coordinates):
+        sign = np.ones(r.q.shape[1])
+        sign[i] = -1.0
+        yield Reading(f"sign of {name} and its speed", (replace(r, q=sign * r.q, u=sign * r.u),))
+        yield Reading(f"sign of {name}", (replace(r, q=sign * r.q),))
+        yield Reading(f"sign of the speed of {name}", (replace(r, u=sign * r.u),))
+    is_angle = np.arange(r.q.shape[1]) < len(r.mechanism.bodies)
+    wrapped = np.angle(np.exp(1j * r.q))
+    yield Reading("angles wrapped to half a turn", (replace(r, q=np.where(is_angle, wrapped, r.q)),))
+    yield Reading("angles wrapped to a turn", (replace(r, q=np.where(is_angle, r.q % (2 * math.pi), r.q)),))
+    yield Reading("coordinates relative to the start", (replace(r, q=r.q - np.array(r.mechanism.start)),))
+    parents = [joint.parent for joint in r.mechanism.tree_joints]
+    bodies = [body.name for body in r.mechanism.bodies]
+    columns = [bodies.index(parent) if parent != GROUND else None for parent in parents]
+    if any(column is not None for column in columns):
+        q, u = r.q.copy(), r.u.copy()
+        for i, column in enumerate(columns):
+            if column is not None:
+                q[:, i], u[:, i] = r.q[:, i] - r.q[:, column], r.u[:, i] - r.u[:, column]
+        yield Reading("angles relative to the parent", (replace(r, q=q, u=u),))
+
+
+def _energies(r: Trajectory) -> Iterator[Reading]:
+    """A potential energy that is zero elsewhere, or a part of the energy counted as the other kind."""
+    unit = float(np.abs(r.kinetic_energy).max()) or 1.0
+    raised = replace(r, potential_energy=r.potential_energy + unit)
+    yield Reading("zero of the potential energy", (raised,), lambda f: f"{f[0] * unit:+.4g} J")
+    moved = replace(r, kinetic_energy=2 * r.kinetic_energy, potential_energy=r.potential_energy - r.kinetic_energy)
+    yield Reading("kinetic energy counted as potential", (moved,), lambda f: f"{-100 * f[0]:+.3g} %")
+
+
+def _late(solution: Solution, r: Trajectory, step: float) -> Iterator[Reading]:
+    """Everything, or one kind of quantity, read at another time; or times that run at another rate."""
+    end, instant = solution.segments[-1].end, _INSTANT * float(r.t[-1])
+
+    def read(times: FloatArray) -> Trajectory:
+        return replace(solution.trajectory(np.clip(times, 0.0, end)), t=r.t)
+
+    def shift_text(f: Sequence[float]) -> str:
+        return f"{f[0] * instant:+.3g} s, {f[0] * instant / step:+.3g} steps"
+
+    def shifted(name: str, taken: Callable[[Trajectory], Trajectory]) -> Reading:
+        def at(factor: float) -> Trajectory | None:
+            return taken(read(r.t + factor * instant)) if abs(factor) * _INSTANT < _LATEST else None
+
+        return Reading(name, (taken(later),), shift_text, at)
+
+    def rated(factor: float) -> Trajectory | None:
+        return read(r.t * (1 + factor * _INSTANT)) if abs(factor) * _INSTANT < _LATEST else None
+
+    later = read(r.t + instant)
+    yield Reading(
+        "rate of time", (read(r.t * (1 + _INSTANT)),), lambda f: f"times {1 / (1 + f[0] * _INSTANT):.6g}", rated
+    )
+    yield shifted("time shifted", lambda x: x)
+
+    def speeds(x: Trajectory) -> Points:
+        return {n: PointMotion(m.position, x.markers[n].velocity) for n, m in r.markers.items()}
+
+    def places(x: Trajectory) -> Points:
+        return {n: PointMotion(x.markers[n].position, m.velocity) for n, m in r.markers.items()}
+
+    yield shifted("velocities shifted in time", lambda x: replace(r, u=x.u, markers=speeds(x)))
+    yield shifted("velocities of the markers shifted in time", lambda x: replace(r, markers=speeds(x)))
+    yield shifted("speeds of the coordinates shifted in time", lambda x: replace(r, u=x.u))
+    yield shifted("positions shifted in time", lambda x: replace(r, q=x.q, markers=places(x)))
+    yield shifted("positions of the markers shifted in time", lambda x: replace(r, markers=places(x)))
+    yield shifted("markers shifted in time", lambda x: replace(r, markers=x.markers))
+    yield shifted("coordinates shifted in time", lambda x: replace(r, q=x.q))
+    yield shifted("torques shifted in time", lambda x: replace(r, stop_torques=x.stop_torques))
+    yield shifted("forces shifted in time", lambda x: replace(r, joint_reactions=x.joint_reactions))
+    yield shifted("kinetic energy shifted in time", lambda x: replace(r, kinetic_energy=x.kinetic_energy))
+    yield shifted("potential energy shifted in time", lambda x: replace(r, potential_energy=x.potential_energy))
+
+
+def _scale(factor: float) -> str:
+    """As text; a sign or a unit where it is one."""
+    value = 1.0 + factor
+    known = {
+        -1.0: "wrong sign",
+        _DEGREES: "degrees for radians",
+        1 / _DEGREES: "radians for degrees",
+        0.0: "always zero",
+    }
+    for number, text in known.items():
+        if abs(value - number) < _ALIKE * (abs(number) or 1.0):
+            return text
+    return f"times {value:.6g}"
+
+
+def _mapped(r: Trajectory, change: Callable[[FloatArray], FloatArray]) -> Trajectory:
+    return replace(
+        r,
+        q=change(r.q),
+        u=change(r.u),
+        markers={n: PointMotion(change(m.position), change(m.velocity)) for n, m in r.markers.items()},
+        kinetic_energy=change(r.kinetic_energy),
+        potential_energy=change(r.potential_energy),
+        stop_torques={n: change(v) for n, v in r.stop_torques.items()},
+        joint_reactions={n: change(v) for n, v in r.joint_reactions.items()},
+    )
+
+
+def _single(values: FloatArray) -> FloatArray:
+    return values.astype(np.float32).astype(np.float64)
+
+
+def _six_digits(values: FloatArray) -> FloatArray:
+    unit = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(values), 1e-300))) - 5)
+    return np.round(values / unit) * unit
+
+
+def _frozen(solution: Solution, r: Trajectory) -> Trajectory:
+    start = solution.trajectory(np.zeros(1))
+    still = _mapped(r, lambda v: v)
+    points = {
+        n: PointMotion(np.broadcast_to(m.position, still.markers[n].position.shape), 0.0 * still.markers[n].velocity)
+        for n, m in start.markers.items()
+    }
+    return replace(
+        r,
+        q=np.broadcast_to(start.q, r.q.shape),
+        u=0.0 * r.u,
+        markers=points,
+        kinetic_energy=0.0 * r.kinetic_energy,
+        potential_energy=np.broadcast_to(start.potential_energy, r.potential_energy.shape),
+    )
