@@ -646,22 +646,21 @@ def scaled(mechanism: tb.Mechanism, factor: float) -> tb.Mechanism:
     return tb.Mechanism(**fields)
 
 
-def table(bench: Bench, only: Sequence[str] = ()) -> list[Entry]:
-    """All faults of a mechanism."""
-    return [diagnosed(bench, seed) for seed in seeds(bench.mechanism) if not only or any(o in seed.name for o in only)]
+def _show(entry: Entry) -> Entry:
+    first = "; ".join(f"{c.name} {c.amount} {c.explained:.4f}" for c in entry.diagnosis.causes[:3])
+    print(f"{entry.verdict:8} {entry.seed.name:36} {entry.cpu:5.2f} s  {first}", flush=True)
+    return entry
 
 
-def _print(entries: Sequence[Entry], wordy: bool) -> None:
-    for entry in entries:
-        first = "; ".join(f"{c.name} {c.amount} {c.explained:.4f}" for c in entry.diagnosis.causes[:3])
-        print(f"{entry.verdict:8} {entry.seed.name:36} {entry.cpu:5.2f} s  {first}")
+def counted(entries: Sequence[Entry]) -> str:
+    """The table in a sentence."""
     right = [e for e in entries if e.seed.causes]
-    rest = [e for e in entries if not e.seed.causes or not e.named]
-    silent = sum(not e.diagnosis.likeliest for e in rest)
-    print(
+    rest = [e for e in entries if not e.named]
+    return (
         f"{len(entries)} faults: of {len(right)} with a suspect {sum(e.named for e in right)} first or second, "
-        f"{sum(e.named and bool(e.diagnosis.likeliest) for e in right)} of them named as likeliest; "
-        f"'unknown' in {silent} of the other {len(rest)}; cpu {np.mean([e.cpu for e in entries]):.2f} s"
+        f"{sum(e.named and bool(e.diagnosis.likeliest) for e in right)} of them as likeliest; "
+        f"'unknown' in {sum(not e.diagnosis.likeliest for e in rest)} of the other {len(rest)}; "
+        f"{np.mean([e.cpu for e in entries]):.2f} s of processor time each"
     )
 
 
@@ -671,5 +670,7 @@ if __name__ == "__main__":
     only = [a[1:] for a in arguments if a.startswith("+")]
     chosen = [a for a in arguments if not a.startswith(("-", "+"))] or ["fixed", "rolling"]
     for name in chosen:
+        bench = Bench.of(scaled(model(name), factor))
+        seeded = [seed for seed in seeds(bench.mechanism) if not only or any(o in seed.name for o in only)]
         print(name)
-        _print(table(Bench.of(scaled(model(name), factor)), only), False)
+        print(counted([_show(diagnosed(bench, seed)) for seed in seeded]))
