@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Annotated
 
 import typer
 
-from ..models.errors import SimulationError, TrebucheckError
+from ..models.errors import SimulationError, TrebucheckError, shortened
 from . import catalogue, certify, paper, recommend, run, studies, throw
+from .output import printable
 
 app = typer.Typer(
     name="trebucheck",
@@ -67,10 +70,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     try:
         code = app(args=arguments, prog_name="trebucheck", standalone_mode=False)
-    except SimulationError as error:
-        return _refused(str(error), code=1)
-    except TrebucheckError as error:
-        return _refused(str(error))
+        sys.stdout.flush()
+    except (TrebucheckError, MemoryError, OSError) as error:
+        return _refused(_sentence(error), code=1 if isinstance(error, SimulationError) else 2)
     except KeyboardInterrupt:
         return _interrupted()
     except Exception as error:
@@ -88,8 +90,21 @@ _INTERRUPTED = 130
 
 
 def _refused(sentence: str, code: int = 2) -> int:
-    print(f"error: {sentence}", file=sys.stderr)
+    print(f"error: {printable(shortened(sentence))}", file=sys.stderr)
     return code
+
+
+def _sentence(error: TrebucheckError | MemoryError | OSError) -> str:
+    """What an error says to the user; the system's own, such as a full disk, become a sentence."""
+    if isinstance(error, TrebucheckError):  # some are errors of the system's kinds as well
+        return str(error)
+    if isinstance(error, MemoryError):
+        return "there is not enough memory for this."
+    # Standard output may be what fails: what is still to be written there would fail again at the end.
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    where = "" if error.filename is None else f"{error.filename}: "
+    return f"{where}{error.strerror or error}."
 
 
 def _interrupted() -> int:

@@ -48,7 +48,7 @@ def export_command(
     assignments: options.Set = None,
     beam: options.Beam = None,
     timestep: Annotated[float, typer.Option("--timestep", help="Step written into the MJCF (s).")] = 1e-3,
-    out: Annotated[Path | None, typer.Option("--out", help="Folder to write; the machine's name by default.")] = None,
+    out: Annotated[Path | None, options.out("Folder to write; the machine's name by default.")] = None,
 ) -> None:
     """Write a machine's MJCF: trebuchet.xml, and scene.xml with light, floor and camera to open it in the viewer.
 
@@ -59,7 +59,7 @@ def export_command(
     for mechanism in options.machines(name, assignments, beam):
         folder = out or Path(mechanism.name)
         write_model_folder(mechanism, folder, timestep=timestep)
-        typer.echo(f"Wrote {folder}")
+        typer.echo(f"Wrote {output.printable(str(folder))}")
 
 
 def engines_command() -> None:

@@ -23,7 +23,7 @@ def certify_command(
     assignments: options.Set = None,
     beam: options.Beam = None,
     timeout: options.Timeout = 600.0,
-    out: Annotated[Path, typer.Option("--out", help="Folder for one JSON file a machine.")] = Path("certificates"),
+    out: Annotated[Path, options.out("Folder for one JSON file a machine.")] = Path("certificates"),
 ) -> None:
     """Compute each machine's figures in every independent way there is; write values and uncertainties.
 
@@ -70,7 +70,8 @@ def _certify(
         certificate = certify(mechanism, parameters, command=command, progress=named, call=worker.compute)
     write_text(path, certificate.to_json() + "\n")
     terminal.show(certificate_report(certificate), terminal.console())
-    terminal.console().print(f"Certificate: {path}\n", soft_wrap=True)
+    line = f"Certificate: {output.printable(str(path))}\n"
+    terminal.console().print(line, soft_wrap=True, markup=False)
 
 
 def _command(name: str, assignments: list[str] | None, beam: float | None) -> str:

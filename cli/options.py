@@ -24,7 +24,7 @@ Models = Annotated[
     typer.Option("--models", "--model", help=f"Machines, comma-separated: {MACHINES}."),
 ]
 Model = Annotated[str, typer.Option("--model", "--models", help=f"Machine: {MACHINES}.")]
-Engines = Annotated[str, typer.Option("--engines", "--engine", help="Engines, comma-separated; all by default.")]
+Engines = Annotated[str | None, typer.Option("--engines", "--engine", help="Engines, comma-separated; all by default.")]
 Preset = Annotated[str, typer.Option("--preset", "--presets", help="tuned, stock, or both: tuned,stock.")]
 Timestep = Annotated[float | None, typer.Option("--timestep", help="Step of every engine (s); else the preset's own.")]
 Duration = Annotated[
@@ -44,6 +44,17 @@ EngineOption = Annotated[
     list[str] | None,
     typer.Option("--option", metavar="NAME=VALUE", help="A numerical option of the engine; repeatable."),
 ]
+
+
+def out(text: str) -> Any:
+    """The option --out of a command; `text` is its help."""
+    return typer.Option("--out", parser=_path, metavar="PATH", help=text)
+
+
+def _path(text: str | Path) -> Path:
+    if not str(text).strip():
+        raise typer.BadParameter("it is empty; a name is needed (the folder one is in is '.').")
+    return Path(text)
 
 
 def positive(value: float, option: str) -> float:
@@ -180,22 +191,22 @@ def machine(text: str, texts: list[str] | None, beam: float | None, command: str
     return mechanisms[0]
 
 
-def engine_names(text: str) -> list[str] | None:
-    """Engines of a comma list; None, which stands for all, where nothing is said.
+def chosen_names(text: str | None, what: str) -> list[str] | None:
+    """Split a comma list; None, which stands for all, where nothing is said.
 
     Raises:
         InputError: the list is empty.
     """
-    return names(text, "--engines") if text else None
+    return None if text is None else names(text, what)
 
 
 def study(
-    models: Sequence[str | Mechanism], engines: str, out: Path, resume: bool, timeout: float, **others: Any
+    models: Sequence[str | Mechanism], engines: str | None, out: Path, resume: bool, timeout: float, **others: Any
 ) -> Study:
     """A study whose runs are kept in the folder of its results.
 
     Args:
-        engines: comma list; empty: all.
+        engines: comma list; None: all.
         others: as :class:`..comparisons.runs.study.Study` takes them.
 
     Raises:
@@ -206,19 +217,33 @@ def study(
     from ..models.files import refuse_unwritable
 
     store = Store(out / "trials", resume, out / "trials")
-    study = Study(models, engine_names(engines), store=store, timeout=timeout, **others)
+    study = Study(models, chosen_names(engines, "--engines"), store=store, timeout=timeout, **others)
     refuse_unwritable(out)
     return study
 
 
-def engine_options(texts: list[str] | None) -> dict[str, Any]:
-    """--option values as JSON where they are JSON, else as text: the engine itself validates them."""
+def engine_options(texts: list[str] | None, timestep: float | None = None) -> dict[str, Any]:
+    """--option values as JSON where they are JSON, else as text: the engine itself validates them.
+
+    Args:
+        timestep: of --timestep [s].
+
+    Raises:
+        InputError: an option is chosen by another flag, or is there twice.
+    """
     import json
+
+    from ..engines.registry import refuse_reserved
 
     options: dict[str, Any] = {}
     for name, value in assignments(texts, "--option").items():
         try:
             options[name] = json.loads(value)
-        except json.JSONDecodeError:
+        except (ValueError, RecursionError):  # no JSON, or a number of thousands of digits, or nested too deep
             options[name] = value
-    return options
+    refuse_reserved(options)
+    if timestep is None:
+        return options
+    if "timestep" in options:
+        raise InputError(f"--timestep {timestep:g} and --option timestep are both given; leave out one of them.")
+    return {**options, "timestep": timestep}

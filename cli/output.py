@@ -59,7 +59,7 @@ def publish(
 
     path, text = data
     report = _with_tally(report, store)
-    written = (page is None or page.is_file()) and path.is_file() and path.read_text("utf-8") == text
+    written = (page is None or page.is_file()) and path.is_file() and path.read_bytes() == text.encode()
     if not (current and written):
         if page is not None:  # before the data: data on disk say that their page was written
             from ..comparisons.report import html
@@ -82,5 +82,10 @@ def show(report: Document, **files: Path) -> None:
 
     terminal.show(report, terminal.console())
     if files:
-        line = "   ".join(f"{name}: {path}" for name, path in files.items())
-        terminal.console().print(f"\n{line}", soft_wrap=True)
+        line = "   ".join(f"{name}: {printable(str(path))}" for name, path in files.items())
+        terminal.console().print(f"\n{line}", soft_wrap=True, markup=False)
+
+
+def printable(text: str) -> str:
+    """A text of the user's on one line, its control characters as escapes."""
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)

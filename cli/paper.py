@@ -12,15 +12,15 @@ from . import options, output
 
 
 def paper_command(
-    engines: options.Engines = "",
+    engines: options.Engines = None,
     sections: Annotated[
-        str,
+        str | None,
         typer.Option("--sections", help="Further studies: identification,drag,sweep,machines,design; all by default."),
-    ] = "",
+    ] = None,
     timeout: Annotated[
         float, typer.Option("--timeout", help="Longest wait for one run, or one further study (s).")
     ] = 600.0,
-    out: Annotated[Path, typer.Option("--out", help="Folder for paper.html and paper.json.")] = Path("paper"),
+    out: Annotated[Path, options.out("Folder for paper.html and paper.json.")] = Path("paper"),
 ) -> None:
     """Judge every number and statement of the paper that a solver can reach, by the reference and every engine.
 
@@ -38,8 +38,8 @@ def paper_command(
 
     if not timeout > 0:
         raise InputError(f"timeout = {timeout!r} s must be positive.")
-    engine_list = options.engine_names(engines)
-    section_list = options.names(sections, "--sections") if sections else None
+    engine_list = options.chosen_names(engines, "--engines")
+    section_list = options.chosen_names(sections, "--sections")
     refuse_unwritable(out)
     with output.progress("paper") as show:
         judged = study(engine_list, sections=section_list, timeout=timeout, progress=show)

@@ -33,13 +33,13 @@ def recommend_command(
     position: Position = None,
     torque: Torque = None,
     release: Release = None,
-    engines: options.Engines = "",
+    engines: options.Engines = None,
     assignments: options.Set = None,
     beam: options.Beam = None,
     neighbours: Neighbours = _NEIGHBOURS,
     resume: Annotated[bool, typer.Option("--resume", help="Take finished trials from the folder again.")] = False,
     timeout: options.Timeout = 600.0,
-    out: Annotated[Path, typer.Option("--out", help="Folder for recommend.json and the trials.")] = Path("recommend"),
+    out: Annotated[Path, options.out("Folder for recommend.json and the trials.")] = Path("recommend"),
 ) -> None:
     """Find, for each engine, the cheapest measured settings that reach an accuracy, up to the launch.
 

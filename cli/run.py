@@ -25,7 +25,7 @@ def run_command(
     option: options.EngineOption = None,
     stop_law: options.StopLaw = "release-once",
     timeout: options.Timeout = 600.0,
-    out: Annotated[Path, typer.Option("--out", help="NetCDF file to write, or a folder for it.")] = Path("report"),
+    out: Annotated[Path, options.out("NetCDF file to write, or a folder for it.")] = Path("report"),
 ) -> None:
     """Simulate one machine with one engine; write its trajectory as NetCDF and print a summary.
 
@@ -42,13 +42,11 @@ def run_command(
     from ..models.trajectory import save
 
     mechanism = options.machine(model, assignments, beam, "run")
-    own = options.engine_options(option)
-    if timestep is not None:
-        own["timestep"] = timestep
+    own = options.engine_options(option, timestep)
     runner = make(engine, preset, **own)
     given = None if duration is None else Problem(mechanism, duration=duration, stop_law=stop_law)
     path = out if out.suffix == ".nc" else out / f"{mechanism.name}-{engine}-{preset}.nc"
-    refuse_unwritable(path.parent)
+    refuse_unwritable(path.parent, path.name)
     with Worker(options.positive(timeout, "--timeout")) as worker:
         problem = given or Problem(mechanism, duration=_to_launch(mechanism, worker), stop_law=stop_law)
         trajectory = worker.call(simulate, runner, problem)

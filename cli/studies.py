@@ -13,7 +13,7 @@ from . import options, output
 
 def compare_command(
     models: options.Models = "fixed,rolling",
-    engines: options.Engines = "",
+    engines: options.Engines = None,
     preset: options.Preset = "tuned,stock",
     timestep: options.Timestep = None,
     duration: options.Duration = None,
@@ -22,9 +22,7 @@ def compare_command(
     stop_law: options.StopLaw = "release-once",
     resume: options.Resume = False,
     timeout: options.Timeout = 600.0,
-    out: Annotated[Path, typer.Option("--out", help="Folder for report.html, results.json and trajectories.")] = Path(
-        "report"
-    ),
+    out: Annotated[Path, options.out("Folder for report.html, results.json and trajectories.")] = Path("report"),
 ) -> None:
     """Run engines on machines, measure them against the reference and each other, and write the report.
 
@@ -43,7 +41,7 @@ def compare_command(
 
     machines = options.machines(models, assignments, beam)
     presets = options.names(preset, "--preset")
-    chosen = options.engine_names(engines)
+    chosen = options.chosen_names(engines, "--engines")
     refuse_unwritable(out)
     store = Store(out / "trajectories", resume, out / "runs")
     with output.progress(width=28) as show:
@@ -66,17 +64,16 @@ def compare_command(
 
 def converge_command(
     models: options.Models = "fixed,rolling",
-    engines: options.Engines = "",
+    engines: options.Engines = None,
     knobs: Annotated[
-        str, typer.Option("--knobs", "--knob", help="Knobs, comma-separated, e.g. timestep,solref; all by default.")
-    ] = "",
+        str | None,
+        typer.Option("--knobs", "--knob", help="Knobs, comma-separated, e.g. timestep,solref; all by default."),
+    ] = None,
     assignments: options.Set = None,
     beam: options.Beam = None,
     resume: options.Resume = False,
     timeout: options.Timeout = 600.0,
-    out: Annotated[Path, typer.Option("--out", help="Folder for converge.html, converge.json and the runs.")] = Path(
-        "converge"
-    ),
+    out: Annotated[Path, options.out("Folder for converge.html, converge.json and the runs.")] = Path("converge"),
 ) -> None:
     """Turn each engine's knobs and see how its error falls: orders, floors and their causes, Richardson limits.
 
@@ -92,7 +89,7 @@ def converge_command(
     from ..comparisons.converge.study import converge
 
     machines = options.machines(models, assignments, beam)
-    chosen = options.names(knobs, "--knobs") if knobs else None
+    chosen = options.chosen_names(knobs, "--knobs")
     study = options.study(machines, engines, out, resume, timeout)
     with output.progress() as show:
         studies = converge(replace(study, progress=show), chosen)
@@ -103,16 +100,14 @@ def converge_command(
 
 def explain_command(
     models: options.Models = "fixed,rolling",
-    engines: options.Engines = "",
+    engines: options.Engines = None,
     preset: options.Preset = "tuned,stock",
     timestep: options.Timestep = None,
     assignments: options.Set = None,
     beam: options.Beam = None,
     resume: options.Resume = False,
     timeout: options.Timeout = 600.0,
-    out: Annotated[Path, typer.Option("--out", help="Folder for explain.html, explain.json and the runs.")] = Path(
-        "explain"
-    ),
+    out: Annotated[Path, options.out("Folder for explain.html, explain.json and the runs.")] = Path("explain"),
 ) -> None:
     """Split each engine's error among its causes, each measured by a run without it.
 

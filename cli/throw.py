@@ -37,7 +37,7 @@ Height = Annotated[float, typer.Option("--height", help="Of the landing above th
 WithSensitivities = Annotated[
     bool, typer.Option("--sensitivities", help="Also differentiate speed and range by every parameter.")
 ]
-Out = Annotated[Path, typer.Option("--out", help="Folder for throw.html and throw.json.")]
+Out = Annotated[Path, options.out("Folder for throw.html and throw.json.")]
 
 
 def throw_command(

@@ -148,13 +148,13 @@ class BuiltinEngine(EngineOptions, ABC):
     """What studies know of it; the default is what they know of any engine."""
 
     @classmethod
-    def stock(cls, **options: Any) -> Self:
+    def stock(cls, /, **options: Any) -> Self:
         """What the engine's documentation leads a newcomer to."""
         fields: dict[str, Any] = {**cls.stock_options, "preset": "stock", **options}
         return cls(**fields)
 
     @classmethod
-    def tuned(cls, **options: Any) -> Self:
+    def tuned(cls, /, **options: Any) -> Self:
         """The most accurate settings found at this cost."""
         fields: dict[str, Any] = {"preset": "tuned", **options}
         return cls(**fields)

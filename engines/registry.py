@@ -143,6 +143,17 @@ def engine(name: str, preset: str = "tuned", **options: Any) -> Engine:
     return simulator if isinstance(simulator, Engine) else _completed(simulator, preset, options)
 
 
+def refuse_reserved(options: Mapping[str, Any]) -> None:
+    """Refuse what chooses an engine among its options.
+
+    Raises:
+        InputError: the engine's name or its preset is one of them.
+    """
+    for name in ("name", "preset"):
+        if name in options:
+            raise InputError(f"{name} = {options[name]!r} is no option of an engine: it chooses which engine is made.")
+
+
 def with_options(base: Engine, changes: Mapping[str, JsonValue]) -> Engine:
     """The engine made again, with some options set otherwise.
 

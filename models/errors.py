@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
+_LONGEST, _TAIL = 1000, 300
+
+
+def shortened(text: str) -> str:
+    """At most some thousand characters of a text: what repeats an input of any length is cut in its middle."""
+    if len(text) <= _LONGEST:
+        return text
+    left_out = f" [... {len(text) - _LONGEST} characters ...] "
+    return text[: _LONGEST - _TAIL - len(left_out)] + left_out + text[-_TAIL:]
+
 
 class TrebucheckError(Exception):
-    """Base of every error this package raises on purpose; its text is one sentence for the user."""
+    """Base of every error this package raises on purpose; its text is one sentence for the user, never a long one."""
+
+    def __init__(self, *arguments: object) -> None:
+        super().__init__(*(shortened(part) if isinstance(part, str) else part for part in arguments))
 
 
 class InputError(TrebucheckError, ValueError):

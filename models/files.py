@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 import tempfile
@@ -11,61 +12,86 @@ from pathlib import Path
 
 from .errors import InputError, UnwritableError
 
+_NAME_MAX = 255  # bytes of a name, where the system does not tell its own limit
 
-@contextmanager
-def replacing(path: str | Path) -> Generator[Path, None, None]:
-    """A temporary file beside `path`, put in its place once the block ends well, removed otherwise.
+
+def write_bytes(path: str | Path, content: bytes | memoryview) -> None:
+    """Write a file, whole or not at all; a full disk leaves nothing behind.
 
     Raises:
-        UnwritableError: the folder cannot be made or written to; the sentence names it.
+        UnwritableError: the folder cannot be made or written to, or has no room; the sentence names the file.
     """
     target = Path(path)
-    try:
+    refuse_unwritable(target.parent, target.name)  # before a folder is made for it
+    with _sentence_for(target):
         target.parent.mkdir(parents=True, exist_ok=True)
-        if target.is_dir():
-            raise UnwritableError(f"{target} cannot be written: it is a folder.")
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
-    except OSError as error:
-        raise UnwritableError(f"{target} cannot be written: {error.strerror or error}.") from None
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        yield temporary
-        umask = os.umask(0)
-        os.umask(umask)
-        temporary.chmod(0o666 & ~umask)  # mkstemp makes it private; a report is for others to read
-        temporary.replace(target)
-    except OSError as error:
-        raise UnwritableError(f"{target} cannot be written: {error.strerror or error}.") from None
-    finally:
-        temporary.unlink(missing_ok=True)
+        # A short name, so that whatever name the target may have, this one fits into the folder, too.
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=".", suffix=".part")
+        temporary = Path(name)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(content)
+            umask = os.umask(0)
+            os.umask(umask)
+            temporary.chmod(0o666 & ~umask)  # mkstemp makes it private; a report is for others to read
+            temporary.replace(target)
+        finally:
+            temporary.unlink(missing_ok=True)
 
 
 def write_text(path: str | Path, text: str) -> None:
     """Write UTF-8 text, whole or not at all.
 
     Raises:
-        UnwritableError: the folder cannot be made or written to.
+        UnwritableError: as :func:`write_bytes`.
     """
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    write_bytes(path, text.encode())
 
 
-def refuse_unwritable(folder: str | Path) -> None:
+def refuse_unwritable(folder: str | Path, file: str = "") -> None:
     """Raise UnwritableError now, before long work, if a folder cannot be written to; nothing is left behind.
 
+    Args:
+        file: the name of what is to be written into it, where that is the user's own.
+
     Raises:
-        UnwritableError: the folder, or the nearest one above it that exists, is no folder or not writable.
+        UnwritableError: the folder, or the nearest one above it that exists, is no folder or not writable; a name is
+            too long; or there is a folder in the file's place.
     """
-    target = Path(folder)
-    existing = next(path for path in (target.absolute(), *target.absolute().parents) if path.exists())
-    if not existing.is_dir():
-        raise UnwritableError(f"{target} cannot be written: {existing} is not a folder.")
-    try:
+    target, above = Path(folder, file), Path(folder).absolute()
+    with _sentence_for(target):
+        existing = next(path for path in (above, *above.parents) if _exists(path))
+        if not existing.is_dir():
+            raise UnwritableError(f"{target} cannot be written: {existing} is not a folder.")
+        if file and target.is_dir():
+            raise UnwritableError(f"{target} cannot be written: it is a folder.")
+        longest = os.pathconf(existing, "PC_NAME_MAX") if hasattr(os, "pathconf") else _NAME_MAX
+        if any(len(os.fsencode(part)) > longest for part in target.parts):
+            raise OSError(errno.ENAMETOOLONG, os.strerror(errno.ENAMETOOLONG))
         with tempfile.TemporaryFile(dir=existing):
             pass
+
+
+def _exists(path: Path) -> bool:
+    """Whether there is something; unlike `Path.exists` it raises OSError where the system cannot tell."""
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    return True
+
+
+@contextmanager
+def _sentence_for(target: Path) -> Generator[None, None, None]:
+    """The system's own errors as one sentence about a file."""
+    try:
+        yield
+    except UnwritableError:
+        raise
     except OSError as error:
         raise UnwritableError(f"{target} cannot be written: {error.strerror or error}.") from None
+    except ValueError as error:  # of a path that no system takes, such as one with a zero character
+        raise UnwritableError(f"{str(target)!r} cannot be written: {error}.") from None
 
 
 def read_bytes(path: str | Path, largest: int) -> bytes:

@@ -35,6 +35,15 @@ Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z][A-Z
 _TAGS = ("pin", "pin-in-slot", "stop", "point stop")  # of unions: pydantic puts them into the path of a complaint
 
 
+def _refuse_twice(pairs: list[tuple[str, object]]) -> None:
+    """Of two values under one name JSON readers take one or the other: neither is believed."""
+    names: set[str] = set()
+    for name, _ in pairs:
+        if name in names:
+            raise InputError(f"the field {name!r} is there twice; once is needed.")
+        names.add(name)
+
+
 class SpecError(InputError):
     """A description that cannot be built; keeps its complaints as a list, so that an outer one can name their place."""
 
@@ -80,7 +89,10 @@ def _complaint(row: ErrorDetails, field: str) -> str:
 
 
 def _shortened(value: object) -> str:
-    text = repr(value)
+    try:
+        text = repr(value)
+    except ValueError:  # Python refuses to print an integer of more than 4300 digits
+        return "a number of thousands of digits"
     return text if len(text) <= 60 else text[:57] + "..."
 
 
@@ -95,7 +107,7 @@ class Spec(BaseModel):
     largest_file: ClassVar[int] = 200_000_000
     """Size of a file that is read [B]."""
 
-    def __init__(self, **fields: Any) -> None:
+    def __init__(self, /, **fields: Any) -> None:
         try:
             super().__init__(**fields)
         except ValidationError as error:
@@ -110,14 +122,16 @@ class Spec(BaseModel):
         """Build from JSON text.
 
         Raises:
-            InputError: the text is not JSON, or does not describe a valid object.
+            InputError: the text is not JSON, names a field twice, or does not describe a valid object.
         """
         try:
-            return cls.model_validate_json(text)
+            spec = cls.model_validate_json(text)
         except ValidationError as error:
             raise SpecError.of(error, cls.__name__) from None
         except RecursionError:
             raise InputError(f"{cls.__name__} cannot be built: a chain of its parts is too long.") from None
+        json.loads(text, object_pairs_hook=_refuse_twice, parse_int=str, parse_float=str)
+        return spec
 
     @classmethod
     def load(cls, path: str | Path) -> Self:

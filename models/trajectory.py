@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -13,7 +14,7 @@ import numpy as np
 
 from .arrays import FloatArray
 from .errors import InputError
-from .files import refuse_irregular, replacing
+from .files import refuse_irregular, write_bytes
 from .kinematics import Kinematics
 from .launch import Launch, locate_launch, rest_opened
 from .mechanism import Mechanism
@@ -252,10 +253,16 @@ def save(trajectory: Trajectory, path: str | Path) -> None:
     """Write NetCDF; the file appears whole or not at all.
 
     Raises:
-        InputError: the folder cannot be written to.
+        UnwritableError: the folder cannot be written to, or has no room.
     """
-    with replacing(path) as temporary:
-        trajectory.to_dataset().to_netcdf(temporary, engine="h5netcdf")
+    import h5netcdf
+    from xarray.backends import H5NetCDFStore
+
+    # Into memory first: where a disk is full, HDF5 ends the process.
+    buffer = io.BytesIO()
+    with h5netcdf.File(buffer, "w") as file:
+        trajectory.to_dataset().dump_to_store(H5NetCDFStore(file))
+    write_bytes(path, buffer.getbuffer())
 
 
 def load(path: str | Path) -> Trajectory:
@@ -272,5 +279,5 @@ def load(path: str | Path) -> Trajectory:
             return from_dataset(dataset.load())
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    except (OSError, KeyError, ValueError, TypeError) as error:
+    except Exception as error:  # of a broken file HDF5, h5netcdf and xarray raise errors of any kind
         raise InputError(f"{path} is not a trajectory file: {cast('object', error)}.") from None

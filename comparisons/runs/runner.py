@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache, partial
 from queue import SimpleQueue
+from threading import TIMEOUT_MAX
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -25,6 +26,7 @@ from ...models.errors import (
     SimulationError,
     TrebucheckError,
     UnsupportedProblemError,
+    shortened,
 )
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
@@ -113,6 +115,7 @@ class Worker:
     _closed: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
+        self.timeout = min(self.timeout, TIMEOUT_MAX)  # infinity, too, is a wait that the system can take
         for _ in range(self.jobs):
             self._idle.put(None)
 
@@ -202,7 +205,7 @@ def run_duration(end: float, step: float) -> float:
 def failure(error: Exception) -> tuple[Outcome, str]:
     """The outcome and message of a run that raised: a plug-in may raise anything, and a study must survive it."""
     if not isinstance(error, TrebucheckError):
-        return Outcome.FAILED, f"{type(error).__name__}: {error}"
+        return Outcome.FAILED, shortened(f"{type(error).__name__}: {error}")
     if isinstance(error, EngineNotInstalledError):
         return Outcome.ABSENT, str(error)
     return Outcome.UNSUPPORTED if isinstance(error, UnsupportedProblemError) else Outcome.FAILED, str(error)

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from ...engines.protocol import Engine
-from ...engines.registry import engine, engine_class, engine_names
+from ...engines.registry import engine, engine_class, engine_names, refuse_reserved
 from ...models.errors import InputError
 from ...models.machines.registry import model
 from ...models.mechanism import Mechanism
@@ -67,6 +67,7 @@ class Study:
                 object.__setattr__(self, name, tuple(_unique(getattr(self, name))))
         if not self.models:
             raise InputError("no model was named; at least one is needed.")
+        refuse_reserved(self.options)
         for name in self.engines or ():
             engine_class(name)
 

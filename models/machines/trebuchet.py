@@ -115,7 +115,7 @@ def parameters_of(mechanism: Mechanism) -> TrebuchetParameters | None:
 
 def _whipper(name: str, p: TrebuchetParameters, fulcrum: PinJoint | SlotJoint, start: tuple[float, ...]) -> Mechanism:
     beam = p.l1 + p.l2
-    arm = Body(name="arm", angle="theta", mass=p.m_a, centre=((p.l1 - p.l2) / 2, 0), inertia=p.m_a * beam**2 / 12)
+    arm = Body(name="arm", angle="theta", mass=p.m_a, centre=((p.l1 - p.l2) / 2, 0), inertia=p.m_a * _square(beam) / 12)
     sling = Body(name="sling", angle="phi", mass=p.m_b, centre=(p.r, 0), inertia=0)
     hanger = Body(name="hanger", angle="alpha", mass=p.m_cw, centre=(p.h, 0), inertia=0)
     return Mechanism(
@@ -156,6 +156,20 @@ def loaded_arm(l1: float, l2: float, mass: float, loads: Mapping[float, float]) 
     """
     middle, whole = (l1 - l2) / 2, mass + sum(loads.values())
     centre = (mass * middle + sum(load * x for x, load in loads.items())) / whole
-    rod = mass * ((l1 + l2) ** 2 / 12 + (middle - centre) ** 2)
-    points = sum(load * (x - centre) ** 2 for x, load in loads.items())
+    rod = mass * (_square(l1 + l2) / 12 + _square(middle - centre))
+    points = sum(load * _square(x - centre) for x, load in loads.items())
     return Body(name="arm", angle="theta", mass=whole, centre=(centre, 0), inertia=rod + points)
+
+
+def _square(length: float) -> float:
+    """Of a length [m^2].
+
+    Raises:
+        InputError: it is beyond the largest float64.
+    """
+    try:
+        return length**2
+    except OverflowError:
+        raise InputError(
+            f"a length of {length!r} m is too large: its square must be a number, below 1.8e308."
+        ) from None

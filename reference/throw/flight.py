@@ -239,7 +239,8 @@ def drag_flight(release: Release, surroundings: Surroundings, tolerance: float =
 def range_rate(release: Release, surroundings: Surroundings) -> float:
     """Change of the range per second of later release [m/s], by the variation of the flight.
 
-    With d the variation at the unchanged time of landing, dR = dx - (vx/vy) dy.
+    With d the variation at the unchanged time of landing, dR = dx - (vx/vy) dy. NaN of a flight that only touches the
+    ground's height, level, where there is no such rate.
 
     Raises:
         InputError: the projectile never comes up to the ground's height.
@@ -249,9 +250,9 @@ def range_rate(release: Release, surroundings: Surroundings) -> float:
         flight = fly(release, surroundings)
         dx, dy = change[:2] + change[2:] * flight.time
         vx, vy = flight.impact_velocity
-        return float(dx - vx / vy * dy)
+        return float(dx - vx / vy * dy) if vy else math.nan
     legs = _Fall(surroundings, FINE).legs(np.array([*release.position, *release.velocity, *change]))
     if legs is None:
         return float(fly(release, surroundings).range)  # says why there is none
     landing = legs[-1].y[:, -1]
-    return float(landing[4] - landing[2] / landing[3] * landing[5])
+    return float(landing[4] - landing[2] / landing[3] * landing[5]) if landing[3] else math.nan

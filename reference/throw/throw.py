@@ -185,9 +185,10 @@ def perform(
 def _one_release(release: dict[str, float | None], best: bool) -> dict[str, float]:
     chosen = {name: value for name, value in release.items() if value is not None}
     for name, value in chosen.items():
-        if not math.isfinite(value) or (name == "release_angle" and abs(value) > math.pi):
+        if not math.isfinite(value) or (name == "release_angle" and abs(value) > math.pi / 2):
             what = f"{value!r} s" if name == "release_time" else f"{math.degrees(value):.6g} deg"
-            raise InputError(f"{name} = {what} must be finite{', within half a turn' * (name == 'release_angle')}.")
+            valid = "between -90 and 90 deg, above level" if name == "release_angle" else "finite"
+            raise InputError(f"{name} = {what} must be {valid}.")
     if best:
         chosen["best"] = math.nan
     if len(chosen) > 1:

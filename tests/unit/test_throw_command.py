@@ -30,7 +30,7 @@ from trebucheck.reference.throw.throw import Throw, throw
         (["--body", "mars", "--drag-area", "-1"], "drag_area = -1.0"),
         (["--release-angle", "40", "--best"], "release_angle and best each choose the release"),
         (["--release-time", "2", "--sling-angle", "300"], "release_time and sling_angle each choose"),
-        (["--release-angle", "200"], "release_angle = 200 deg must be finite, within half a turn"),
+        (["--release-angle", "200"], "release_angle = 200 deg must be between -90 and 90 deg, above level"),
         (["--release-angle", "nan"], "release_angle = nan deg"),
         (["--release-time", "99"], "release time = 99.0 s must lie within the motion"),
         (["--release-time", "-1"], "release time = -1.0 s must lie within the motion"),
