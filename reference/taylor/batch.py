@@ -15,11 +15,12 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
 from ...models.kinematics import Kinematics, initial_state
+from ...models.launch import is_launch
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ..contact import ActiveSet
 from ..equations import Equations
-from .machine import PROJECTILE, Structure, is_launch, numbers_of, relevant_stops, structure_of
+from .machine import PROJECTILE, Structure, numbers_of, projectile_row, relevant_stops, rests_of, structure_of
 from .system import batch_pool, heyoka, torque_function
 
 BATCH_TOLERANCE = 1e-12
@@ -112,10 +113,9 @@ class _Machines:
         self.states = np.ascontiguousarray(np.array(starts).T)
         self.released_at_start = np.zeros((len(problems), len(self.stops)), dtype=bool)
         self._begin()
-        thrown = [next(m for m in problem.mechanism.markers if m.name == PROJECTILE) for problem in problems]
-        self.projectiles = [k.point(m.body, m.point) for k, m in zip(self.kinematics, thrown, strict=True)]
-        rests = [first.mechanism.stop(name).body == thrown[0].body for name in self.stops]
-        self.rests = np.array(rests, dtype=bool)
+        self.projectiles = [projectile_row(k.mechanism, k) for k in self.kinematics]
+        self.speed_scales = [k.speed_scale(row) for k, row in zip(self.kinematics, self.projectiles, strict=True)]
+        self.rests = np.array([name in rests_of(first.mechanism) for name in self.stops], dtype=bool)
 
     def _begin(self) -> None:
         """All touching stops active; machines where some would have to pull, or with start speeds, one by one."""
@@ -222,7 +222,7 @@ class _Lanes:
         """Record a launch, if it is one: not the opposite direction, nor a start from rest."""
         i, time, state = self.machine[lane], float(self.integrator.time[lane]), self.state[:-1, lane].copy()
         velocity = self.machines.velocity(i, state)
-        if not is_launch(time, velocity):
+        if not is_launch(velocity, scale=self.machines.speed_scales[i]):
             return False
         self.time[i], self.at_launch[i], self.velocity[i] = time, state, velocity
         return True

@@ -30,7 +30,6 @@ Complex = NDArray[np.complexfloating[Any, Any]]
 RealType = type[np.float64] | type[np.longdouble]
 
 PROJECTILE = "projectile"
-_AT_ONCE = 1e-9  # [s] from rest no projectile turns down through the launch direction this early
 
 
 @dataclass(frozen=True)
@@ -105,12 +104,6 @@ class Structure:
         return self.launch + self.throws  # heyoka wants no parameter that no expression uses
 
 
-def is_launch(time: float | np.floating[Any], velocity: Real) -> bool:
-    """Whether a velocity [m/s] on the launch direction's line points along it, not against it, and not from rest."""
-    vx, vy = velocity
-    return bool(time >= _AT_ONCE and vx * np.cos(LAUNCH_ANGLE) + vy * np.sin(LAUNCH_ANGLE) > 0)
-
-
 def relevant_stops(problem: Problem) -> tuple[str, ...]:
     """Stops that may ever be active: under release-once, an open one never closes."""
     unilateral = problem.stop_law is StopLaw.UNILATERAL
@@ -129,7 +122,7 @@ def structure_of(problem: Problem, kinematics: Kinematics, present: NDArray[np.b
         gap_rows=tuple(None if row is None else tuple(int(entry) for entry in row) for row in rows),
         closes=problem.stop_law is StopLaw.UNILATERAL,
         present=tuple(bool(flag) for flag in present),
-        throws=bool(np.any(_projectile_row(problem.mechanism, kinematics))),
+        throws=bool(np.any(projectile_row(problem.mechanism, kinematics).coefficients)),
     )
 
 
@@ -145,7 +138,7 @@ def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real
         return _waves(_wide(coefficients, real), angles)
 
     # The component across the launch direction is Im(e^{-i angle} v) = Re(-i e^{-i angle} v).
-    lead = _wide(_projectile_row(mechanism, kinematics), real) * (np.exp(-1j * real(LAUNCH_ANGLE)) * -1j)
+    lead = _wide(projectile_row(mechanism, kinematics).coefficients, real) * (np.exp(-1j * real(LAUNCH_ANGLE)) * -1j)
     sections = (
         _products(centres, masses, kinematics.inertias.astype(real), angles),
         # Q = Re(conj(w') W) = Re(conj(W) w') with W = -i g C^H m.
@@ -181,9 +174,15 @@ def _products(centres: Complex, masses: Real, inertias: Real, angles: NDArray[np
     return cast("Complex", products)
 
 
-def _projectile_row(mechanism: Mechanism, kinematics: Kinematics) -> NDArray[np.complex128]:
-    """Coefficients of the projectile's position; zeros where a machine throws nothing."""
+def projectile_row(mechanism: Mechanism, kinematics: Kinematics) -> PointCoefficients:
+    """The projectile's position; zeros where a machine throws nothing."""
     projectile = mechanism.marker(PROJECTILE)
     if projectile is None:
-        return np.zeros(len(kinematics.is_angle), dtype=np.complex128)
-    return kinematics.point(projectile.body, projectile.point).coefficients
+        return PointCoefficients(0j, np.zeros(len(kinematics.is_angle), dtype=np.complex128))
+    return kinematics.point(projectile.body, projectile.point)
+
+
+def rests_of(mechanism: Mechanism) -> frozenset[str]:
+    """Stops that hold the projectile's own body at the start."""
+    bodies = {marker.body for marker in mechanism.markers if marker.name == PROJECTILE}
+    return frozenset(stop.name for stop in mechanism.stops if stop.closed and stop.body in bodies)

@@ -17,13 +17,13 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
-from ...models.launch import Launch
-from ...models.mechanism import Marker
+from ...models.launch import Launch, is_launch, lead
 from ...models.problem import Problem
 from ..contact import ActiveSet, EventFunction, PostEventState
 from ..equations import Equations
 from ..solution import Segment, Solution
-from .machine import PROJECTILE, Real, RealType, is_launch, numbers_of, relevant_stops, structure_of
+from .dense_output import TaylorOutput
+from .machine import Real, RealType, numbers_of, projectile_row, relevant_stops, rests_of, structure_of
 from .system import heyoka, scalar_pool, torque_function
 
 Precision = Literal["double", "extended"]
@@ -143,31 +143,6 @@ class _State:
     u: Real
 
 
-class _Dense:
-    """heyoka's continuous output, called as SciPy's: times (n,) to states (2 n_q, n), doubles."""
-
-    def __init__(self, start: float, output: Any, real: RealType) -> None:
-        self._starts = [start]
-        self._outputs = [output]
-        self._real = real
-
-    def add(self, start: float, output: Any) -> None:
-        """Go on with another piece from `start` [s]."""
-        self._starts.append(start)
-        self._outputs.append(output)
-
-    def __call__(self, t: FloatArray) -> FloatArray:
-        times = np.atleast_1d(np.asarray(t, dtype=self._real))
-        of = np.searchsorted(self._starts[1:], times, side="right")
-        pieces = [self._outputs[k](times[of == k])[:, :-1].T for k in range(len(self._outputs)) if np.any(of == k)]
-        if len(pieces) == 1 and np.ndim(t) == 0:
-            return np.array(pieces[0][:, 0], dtype=np.float64)
-        states = np.empty((len(pieces[0]), len(times)))
-        for k, piece in zip(np.unique(of), pieces, strict=True):
-            states[:, of == k] = piece
-        return states
-
-
 class _Integration:
     """The integration of one problem through its events."""
 
@@ -183,7 +158,9 @@ class _Integration:
         numbers = numbers_of(problem, self.kinematics, self.real)
         self.structure = structure_of(problem, self.kinematics, numbers != 0)
         self.numbers = numbers[numbers != 0]
-        self.marker = problem.mechanism.marker(PROJECTILE)
+        self.projectile = projectile_row(problem.mechanism, self.kinematics)
+        self.speed_scale = self.kinematics.speed_scale(self.projectile)
+        self.rests = rests_of(problem.mechanism)
         self.release_times: dict[str, np.floating[Any] | None] = dict.fromkeys(self.active_set.releases)
         self.segments: list[Segment] = []
         self.launched: _State | None = None
@@ -201,6 +178,8 @@ class _Integration:
                 if function is None:
                     break
                 initial = self._after(integrator, initial, function)
+                if self.launched is not None:
+                    break
                 n_events += 1
                 if n_events > _MAX_EVENTS:
                     raise SimulationError(f"the reference met more than {_MAX_EVENTS} events by t = {initial.t:.6g} s.")
@@ -217,9 +196,7 @@ class _Integration:
 
     def projectile_velocity(self, q: Real, u: Real) -> Real:
         """[m/s], shape (2,), in the precision of the state."""
-        marker = cast("Marker", self.marker)
-        row = self.kinematics.point(marker.body, marker.point)
-        return cast("Real", self.kinematics.velocity(row, cast("FloatArray", q), cast("FloatArray", u)))
+        return cast("Real", self.kinematics.velocity(self.projectile, cast("FloatArray", q), cast("FloatArray", u)))
 
     def _parameters(self, initial: PostEventState) -> Real:
         structure = self.structure
@@ -245,43 +222,39 @@ class _Integration:
             integrator.reset_cooldowns()
 
     def _is_free(self, initial: PostEventState) -> bool:
-        """Whether the projectile's body rests on no stop."""
-        if self.marker is None:
-            return False
-        return all(self.problem.mechanism.stop(name).body != self.marker.body for name in initial.closed)
+        """Whether the projectile's own rests have all opened, and none of them pushes it now."""
+        opened = all(self.active_set.releases[name] is not None for name in self.rests)
+        return opened and not self.rests.intersection(initial.closed)
 
     def _segment(self, integrator: Any, initial: PostEventState, record: bool) -> EventFunction | None:
         """Integrate under one active set, to its first event; None at the end or the launch."""
         if (standing := self._closes_at_once(initial)) is not None:
             return standing
         index = self._while_opening(integrator, initial, record)
-        if index is not None and index < len(self.stops):
-            return self._event_function(initial, index)
-        while True:
+        if index is None:
             index = self._step_to_event(integrator, initial, self.problem.duration, record)
-            if index is None or (index == len(self.stops) and self._is_launch(integrator)):
-                return None
-            if index < len(self.stops):
-                return self._event_function(initial, index)
+        return None if index is None or index == len(self.stops) else self._event_function(initial, index)
 
     def _step_to_event(self, integrator: Any, initial: PostEventState, until: float, record: bool) -> int | None:
-        """Integrate to the first function that falls through zero, and say which; None if there is none until then."""
-        start = float(integrator.time)
-        result = integrator.propagate_until(self.real(until), c_output=record)
-        self.steps += int(result[3])
-        index = self._event(integrator, int(result[0]))
-        end = until if index is None else float(integrator.time)
-        if record and end > start:
-            self._record(initial, start, end, result[4])
-        return index
+        """Integrate to the first stop's event or the launch, and say which; None if there is none until then."""
+        while True:
+            start = float(integrator.time)
+            result = integrator.propagate_until(self.real(until), c_output=record)
+            self.steps += int(result[3])
+            index = self._event(integrator, int(result[0]))
+            end = until if index is None else float(integrator.time)
+            if record and end > start:
+                self._record(initial, start, end, result[4])
+            if index != len(self.stops) or self._is_launch(integrator):
+                return index
 
     def _record(self, initial: PostEventState, start: float, end: float, output: Any) -> None:
         last = self.segments[-1] if self.segments else None
         if last is not None and start > initial.t:  # the same active set goes on
-            cast("_Dense", last.interpolant).add(start, output)
+            cast("TaylorOutput", last.interpolant).add(start, output)
             self.segments[-1] = replace(last, end=end)
         else:
-            dense = _Dense(start, output, self.real)
+            dense = TaylorOutput(start, output, self.real)
             self.segments.append(Segment(initial.closed, start, end, cast("Any", dense)))
 
     def _while_opening(self, integrator: Any, initial: PostEventState, record: bool) -> int | None:
@@ -351,8 +324,11 @@ class _Integration:
     def _is_launch(self, integrator: Any) -> bool:
         """Whether the velocity passes the launch direction itself, not its opposite, and not from rest."""
         state = integrator.state.copy()
-        q, u = state[: self.n_q], state[self.n_q : 2 * self.n_q]
-        if not is_launch(integrator.time, self.projectile_velocity(q, u)):
+        return self._launches(integrator, state[: self.n_q], state[self.n_q : 2 * self.n_q])
+
+    def _launches(self, integrator: Any, q: Real, u: Real) -> bool:
+        """Whether a state on the launch direction is a launch, which is then noted."""
+        if not is_launch(cast("FloatArray", self.projectile_velocity(q, u)), scale=self.speed_scale):
             return False
         self.launched = _State(self.real(integrator.time), q, u)
         return True
@@ -362,9 +338,19 @@ class _Integration:
         state = np.array(integrator.state, dtype=np.float64)
         q, u = state[: self.n_q], state[self.n_q : 2 * self.n_q]
         initial = self.active_set.after(float(integrator.time), q, u, before.closed, [function])
+        if self.structure.throws and integrator.pars[self.structure.launch] and function.closes:
+            self._jump(integrator, initial.u - u)
         integrator.state[self.n_q : 2 * self.n_q] += initial.u - u
         self._note_releases(integrator)
         return initial
+
+    def _jump(self, integrator: Any, jump: FloatArray) -> None:
+        """Note a launch where an impact, not of the projectile's own rest, turns its velocity through the direction."""
+        state = integrator.state.copy()
+        q, u = state[: self.n_q], state[self.n_q : 2 * self.n_q]
+        before, after = (lead(cast("FloatArray", self.projectile_velocity(q, v))) for v in (u, u + jump))
+        if before > 0 > after and not any(self.active_set.impacts[-1][1].get(name, 0.0) > 0 for name in self.rests):
+            self._launches(integrator, q, u + jump * (before / (before - after)))
 
     def _note_releases(self, integrator: Any) -> None:
         for name, released in self.active_set.releases.items():
