@@ -13,6 +13,9 @@ from .spec import Positive, Spec
 _CLOSED = 1e-9  # [m] how well loops of joints must close
 
 
+LONGEST = 1000.0  # [s] a motion that is asked for
+
+
 class StopLaw(StrEnum):
     """How a stop behaves after the start."""
 
@@ -32,7 +35,7 @@ class Problem(Spec):
     """
 
     mechanism: Mechanism
-    duration: Positive = Field(default=3.0, le=1000.0, description="[s]")
+    duration: Positive = Field(default=3.0, le=LONGEST, description="[s]")
     stop_law: StopLaw = StopLaw.RELEASE_ONCE
 
     @model_validator(mode="after")

@@ -20,7 +20,7 @@ from scipy.optimize import brentq
 from ..models.arrays import FloatArray
 from ..models.errors import InputError, SimulationError
 from ..models.mechanism import Mechanism
-from ..models.problem import Problem, StopLaw
+from ..models.problem import LONGEST, Problem, StopLaw
 from .contact import ActiveSet, EventFunction, PostEventState
 from .equations import Equations
 from .integrator import Integrator, StepLimit, numerical
@@ -80,9 +80,12 @@ def solve_until(
     done: Callable[[Solution], bool],
     stop_law: StopLaw = StopLaw.RELEASE_ONCE,
 ) -> Solution:
-    """Solve for each duration [s] in turn until `done` says that the solution is long enough; else the last one."""
+    """Solve for each duration [s] in turn until `done` says that the solution is long enough; else the last one.
+
+    None is longer than :data:`..models.problem.LONGEST`.
+    """
     solution: Solution | None = None
-    for duration in durations:
+    for duration in dict.fromkeys(min(duration, LONGEST) for duration in durations):
         solution = solve(Problem(mechanism, duration=duration, stop_law=stop_law))
         if done(solution):
             break

@@ -17,7 +17,7 @@ from pydantic import Field
 
 from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism
-from ...models.problem import Problem
+from ...models.problem import LONGEST, Problem
 from ...models.spec import NonNegative, Real, Spec
 from ...models.trajectory import Trajectory
 from ..solution import Solution
@@ -31,6 +31,7 @@ more, the reference's own error."""
 
 _COARSE = 1e-12  # tolerance of the estimate's second integration: some thirty times the reference's own
 _SAMPLES = 60
+_BEYOND = 1.02  # times the compared motion: so that the coarser one's events lie inside, too
 _SAFETY = 4.0
 _PROJECTILE = "projectile"
 _ROUNDING = 64 * float(np.finfo(np.float64).eps)  # of the sums behind a value, relative to the largest of its kind
@@ -174,6 +175,7 @@ def estimate_uncertainty(solution: Solution, end: float | None = None) -> Uncert
     The difference of the two is about the error of the *coarser*, thirty times looser in tolerance, and so well above
     that of the finer unless they agree by chance. Against that: four times the difference, for a time the largest of
     all events, for a speed the largest along the motion, and sixty-four roundings of the largest value of the kind.
+    An event that only one of the two has is unknown: its uncertainty is as large as what it is of.
 
     Args:
         solution: the reference's own.
@@ -181,14 +183,16 @@ def estimate_uncertainty(solution: Solution, end: float | None = None) -> Uncert
     """
     problem, launch = solution.problem, solution.launch
     end = end if end is not None else (launch.time if launch else problem.duration)
-    margin = min(problem.duration, end + 0.02)  # so that the coarser one's launch lies inside, too
-    other = solve(Problem(problem.mechanism, duration=margin, stop_law=problem.stop_law), _COARSE, _COARSE)
-    t = np.linspace(0.0, min(end, margin), _SAMPLES)
+    horizon = min(_BEYOND * max(end, launch.time if launch else 0.0), LONGEST)
+    other = solve(Problem(problem.mechanism, duration=horizon, stop_law=problem.stop_law), _COARSE, _COARSE)
+    t = np.linspace(0.0, min(end, problem.duration), _SAMPLES)
     fine, coarse = solution.trajectory(t), other.trajectory(t)
     uncertainties = _along(fine, coarse) | _events(solution, other, end)
-    if launch is not None:
+    if launch is not None and other.launch is not None:
         speed = np.linalg.norm(fine.marker(_PROJECTILE).velocity, axis=1)
         _enter(uncertainties, "launch_speed", None, speed, np.linalg.norm(coarse.marker(_PROJECTILE).velocity, axis=1))
+    elif launch is not None:
+        uncertainties["launch_speed"] = launch.speed
     return Uncertainties(source="estimate", values=uncertainties)
 
 
@@ -215,15 +219,17 @@ def _enter(entries: dict[str, float], metric: str, subject: str | None, fine: Fl
 
 
 def _events(fine: Solution, coarse: Solution, end: float) -> dict[str, float]:
-    """Releases and the launch: one uncertainty for all of them."""
-    pairs = [(time, coarse.release_times[name]) for name, time in fine.release_times.items()]
-    if fine.launch is not None and coarse.launch is not None:
-        pairs.append((fine.launch.time, coarse.launch.time))
-    differences = [abs(a - b) for a, b in pairs if a is not None and b is not None and a <= end]
-    if not differences:
-        return {}
-    value = _SAFETY * max(differences) + _ROUNDING * end
-    return dict.fromkeys(("release_time", "launch_time"), value)
+    """Releases and the launch: one uncertainty for all that both have; all of the motion for one that only one has."""
+    pairs = {f"release_time ({name})": (t, coarse.release_times[name]) for name, t in fine.release_times.items()}
+    if fine.launch is not None or coarse.launch is not None:
+        pairs["launch_time"] = (fine.launch and fine.launch.time, coarse.launch and coarse.launch.time)
+    happen = {key: pair for key, pair in pairs.items() if any(t is not None and t <= end for t in pair)}
+    known = {key: abs(a - b) for key, (a, b) in happen.items() if a is not None and b is not None}
+    values = dict.fromkeys(happen, end) | dict.fromkeys(
+        known, _SAFETY * max(known.values(), default=0.0) + _ROUNDING * end
+    )
+    releases = [value for key, value in values.items() if key != "launch_time"]
+    return values | ({"release_time": max(releases)} if releases else {})
 
 
 def refusal(metric: str, subject: str | None, tolerance: float, uncertainty: float | None) -> str | None:

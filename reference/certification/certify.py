@@ -36,7 +36,7 @@ from ...models.machines.registry import model
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ..solution import Solution
-from ..solver import solve, solve_until
+from ..solver import characteristic_time, solve, solve_until
 from .certificate import Certificate, Computation, Figure
 from .quantities import BEYOND_LAUNCH, Key, Motion, Plan, PointState, plan, read_quantities
 from .redundant import solve_redundant
@@ -51,7 +51,8 @@ RULE = (
     "of the independent v_i; v_k: coarser rungs; the last two terms the largest over all figures of the kind"
 )
 PAPER_MACHINES = ("fixed", "rolling")
-_SEARCH = (4.0, 10.0)  # [s] the launch is searched up to these
+_SEARCH = (2.2, 5.5)  # characteristic times up to which the launch is searched
+_NO_LAUNCH = 4.0  # [s] of a machine that does not launch, this much is certified
 _MARGIN = 0.02  # [s] past the last instant that is read
 _SAFETY = 3.0
 _ORDER = 7 / 8  # DOP853: error per step ~ h^8 held at the tolerance, so the whole ~ h^7 goes with tolerance^(7/8)
@@ -172,7 +173,7 @@ def _make(
 def judge(
     values_by_key: Mapping[Key, Mapping[str, float]], computations: Sequence[Computation]
 ) -> dict[Key, tuple[float, float]]:
-    """The module's rule: value and uncertainty of every figure that two independent computations have.
+    """The module's rule: value and uncertainty of every figure that all computations have, two or more independently.
 
     Args:
         values_by_key: values of each figure, by name of computation.
@@ -181,7 +182,9 @@ def judge(
     independent = [c.name for c in computations if c.independent]
     rungs = [c for c in computations if not c.independent]
     tightest = min((c.tolerance for c in computations if c.tolerance), default=0.0)
-    kept = {key: values for key, values in values_by_key.items() if len(values.keys() & set(independent)) > 1}
+    # A computation without a launch, say, says that nothing is known of it, not that the others know it better.
+    names = {c.name for c in computations}
+    kept = {key: values for key, values in values_by_key.items() if len(independent) > 1 and names <= values.keys()}
     best = {key: _best(values, independent) for key, values in kept.items()}
     moved, scale = defaultdict[tuple[str, str], float](float), defaultdict[tuple[str, str], float](float)
     for key, values in kept.items():
@@ -220,11 +223,13 @@ def _judged(results: Mapping[str, Values], computations: Sequence[Computation]) 
 
 
 def _problem(mechanism: Mechanism) -> tuple[Problem, Plan]:
-    """To just past the launch; or to the first horizon, for a machine that does not launch."""
-    solution = solve_until(mechanism, _SEARCH, lambda solution: solution.launch is not None)
+    """To just past the launch; or some seconds, for a machine that does not launch."""
+    scale = characteristic_time(mechanism) if mechanism.gravity > 0 else _NO_LAUNCH
+    first, second = (spans * scale for spans in _SEARCH)
+    solution = solve_until(mechanism, (first, max(second, _NO_LAUNCH)), lambda solution: solution.launch is not None)
     motion, launch = MinimalMotion(solution), solution.launch
     if launch is None:
-        return Problem(mechanism, duration=_SEARCH[0]), plan(mechanism, motion, _SEARCH[0])
+        return Problem(mechanism, duration=_NO_LAUNCH), plan(mechanism, motion, _NO_LAUNCH)
     duration = launch.time + BEYOND_LAUNCH + _MARGIN
     return Problem(mechanism, duration=duration), plan(mechanism, motion, launch.time)
 

@@ -9,10 +9,12 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import combinations
+from functools import partial
+from itertools import combinations, pairwise
 from typing import Protocol
 
 import numpy as np
+from numpy.polynomial import Chebyshev
 from scipy.integrate import DenseOutput
 from scipy.optimize import brentq
 
@@ -24,6 +26,8 @@ from ..integrator import Integrator
 # Where inside a step torques are sampled: Chebyshev's points crowd at the ends, where a fall is missed most easily.
 _SAMPLES = 0.5 * (1.0 - np.cos(np.pi * np.arange(1, 8) / 7))
 _LEAST_STEPS = 150  # DOP853's interpolant is one order short of its steps: inside long ones it is what limits
+_FIT = 14  # degree of the polynomial on which the launch is looked for, step by step
+_AT_REST = 1e-8  # of the speed at a step's end: a start from rest is no launch
 _MOST_STOPS = 10  # all subsets are tried: 1024 of them
 
 
@@ -90,20 +94,24 @@ class ConstrainedMotion:
         active = self.active(t)
         return dict(zip(active, self.system.torques(self.state(t), active).tolist(), strict=True))
 
-    def first_launch(self, velocity: Callable[[FloatArray], FloatArray], after: float) -> Launch | None:
-        """The launch at 45 degrees of a point whose velocity(y) [m/s] is given, later than `after` [s]."""
+    def first_launch(self, velocity: Callable[[FloatArray], FloatArray], after: float | None) -> Launch | None:
+        """The launch at 45 degrees of a point whose velocity(y) [m/s] is given, later than `after` [s] (None: never).
 
-        def across(y: FloatArray, _: object) -> float:
-            vx, vy = velocity(y)
+        Its candidates are the real roots of a polynomial through Chebyshev's points of each step.
+        """
+
+        def across(t: float, step: _Step) -> float:
+            vx, vy = velocity(np.asarray(step.dense(t)))
             return float(vy * np.cos(LAUNCH_ANGLE) - vx * np.sin(LAUNCH_ANGLE))
 
-        for step in self.steps:
-            if step.end <= after:
+        for step in self.steps if after is not None else ():
+            if step.end <= (after or 0.0):
                 continue
-            time = _downward_zero_crossing(step, max(step.start, after), across)
-            if time is not None and velocity(np.asarray(step.dense(time))).sum() > 0:
-                vx, vy = velocity(self.state(time)).tolist()
-                return Launch(time, float(np.hypot(vx, vy)), (vx, vy))
+            for time in _falls(partial(across, step=step), max(step.start, after or 0.0), step.end):
+                fastest = np.abs(velocity(np.asarray(step.dense(step.end)))).max()
+                if velocity(np.asarray(step.dense(time))).sum() > _AT_REST * fastest:
+                    vx, vy = velocity(self.state(time)).tolist()
+                    return Launch(time, float(np.hypot(vx, vy)), (vx, vy))
         return None
 
     def _step(self, t: float) -> _Step:
@@ -162,6 +170,22 @@ def _until_release(
 
 def _torque_of(system: ConstrainedSystem, i: int) -> Callable[[FloatArray, tuple[str, ...]], float]:
     return lambda y, active: float(system.torques(y, active)[i])
+
+
+def _falls(function: Callable[[float], float], start: float, end: float) -> list[float]:
+    """All instants between start and end [s] at which a smooth function falls through zero."""
+    fit = Chebyshev.interpolate(np.vectorize(function, otypes=[np.float64]), _FIT, (start, end))
+    if np.abs(fit.coef[0]) > 1.001 * np.abs(fit.coef[1:]).sum():
+        return []
+    inside = sorted(float(root) for root in fit.roots().real if start < root < end)
+    # Between two roots the sign is that of their middle; beside the first and the last, that of the ends.
+    looks = [start, *(0.5 * (a + b) for a, b in pairwise(inside)), end]
+    signs = [function(time) for time in looks]
+    return [
+        float(brentq(function, looks[i], looks[i + 1], xtol=1e-15 * (end - start), rtol=1e-15))
+        for i in range(len(looks) - 1)
+        if signs[i] > 0 >= signs[i + 1]
+    ]
 
 
 def _downward_zero_crossing(

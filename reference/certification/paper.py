@@ -195,7 +195,7 @@ class PaperMotion:
         def velocity(y: FloatArray) -> FloatArray:
             return self._point(PROJECTILE, y, none)[1]
 
-        return self.motion.first_launch(velocity, self.release_times[SLING_REST] or 0.0)
+        return self.motion.first_launch(velocity, self.release_times[SLING_REST])
 
     def _point(self, name: str, y: FloatArray, a: FloatArray) -> PointState:
         """Eq. (4), (10): a length along the arm, and one along sling or hanger, differentiated twice."""

@@ -23,7 +23,7 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import UnsupportedProblemError
-from ...models.launch import Launch
+from ...models.launch import Launch, rest_opened
 from ...models.mechanism import GROUND, Body, Mechanism, PinJoint, SlotJoint, Stop
 from ...models.problem import Problem, StopLaw
 from ...models.spec import Vector
@@ -308,8 +308,7 @@ class RedundantMotion:
         projectile = mechanism.marker("projectile")
         if projectile is None:
             return None
-        opened = [self.release_times[stop.name] for stop in mechanism.stops if stop.body == projectile.body]
-        after = max((time for time in opened if time is not None), default=0.0)
+        after = rest_opened(mechanism, projectile.body, self.release_times)
         none = np.zeros(self.system.n)
 
         def velocity(y: FloatArray) -> FloatArray:

@@ -29,6 +29,7 @@ class TaylorOutput:
         return np.concatenate([np.asarray(output.times, dtype=np.float64) for output in self._outputs])
 
     def __call__(self, t: FloatArray) -> FloatArray:
+        """States (2 n_q, n) at times [s], shape (n,); (2 n_q,) at one."""
         times = np.atleast_1d(np.asarray(t, dtype=self._real))
         of = np.searchsorted(self._starts[1:], times, side="right")
         pieces = [self._outputs[k](times[of == k])[:, :-1].T for k in range(len(self._outputs)) if np.any(of == k)]

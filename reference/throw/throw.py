@@ -222,7 +222,7 @@ def _swing(mechanism: Mechanism, release_time: float | None) -> Projectile:
         projectile = Projectile(solution)
         return projectile.sweep()[1] < projectile.end and not (release_time or 0.0) > projectile.end
 
-    return Projectile(solve_until(mechanism, (min(spans * scale, 1000.0) for spans in _SPANS), complete))
+    return Projectile(solve_until(mechanism, (spans * scale for spans in _SPANS), complete))
 
 
 def _surroundings(projectile: Projectile, air: Air, height: float) -> Surroundings:
