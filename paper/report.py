@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from ..comparisons.report import document as doc
 from ..comparisons.report import markdown
@@ -18,6 +20,9 @@ from .evidence.claims import Claim, EngineValue, Quantity, Study, Verdict
 from .plots import plots
 
 _SHORT = {Verdict.HOLDS: "holds", Verdict.WITHIN_GRID: "in grid", Verdict.FAILS: "fails", Verdict.OPEN: "open"}
+_FAVOUR = (Verdict.FAILS, Verdict.OPEN, Verdict.WITHIN_GRID, Verdict.HOLDS)
+"""Verdicts, the least favourable to a claim first."""
+_UNKNOWN = 5  # significant digits that are shown of a number whose uncertainty is not known
 _MARKS: dict[Verdict, Mark] = {
     Verdict.HOLDS: "good",
     Verdict.WITHIN_GRID: "strong",
@@ -56,7 +61,7 @@ def document(study: Study) -> Document:
 
 def summary(study: Study) -> str:
     """Markdown for the README: how many claims there are, and those that do not hold, printed against ours."""
-    failing = [claim for claim in study.claims if claim.verdict is Verdict.FAILS]
+    failing = [claim for claim in facts(study.claims) if claim.verdict is Verdict.FAILS]
     rows = [(claim.where, claim.name, claim.printed, _value(claim.ours, 4)) for claim in failing]
     columns = ("where", "does not hold", "printed", "ours")
     return markdown.text(Document("", (Text(headline(study)), table(columns, rows))))
@@ -67,18 +72,33 @@ def engines(study: Study) -> list[str]:
     return list(dict.fromkeys(each.engine for claim in study.claims for each in claim.engines))
 
 
+def facts(claims: Sequence[Claim]) -> list[Claim]:
+    """One row for each fact that the paper claims: the one it is counted by.
+
+    A fact holds only if every row that states it does, so it has the verdict of the least favourable of its rows. Of
+    those with that verdict the row that the fact is named after stands for it, or the first.
+    """
+    by_fact: dict[str, list[Claim]] = {}
+    for claim in claims:
+        by_fact.setdefault(claim.fact or claim.name, []).append(claim)
+    return [min(rows, key=lambda c: (_FAVOUR.index(c.verdict), c.name != name)) for name, rows in by_fact.items()]
+
+
 def counts(study: Study) -> dict[Verdict, int]:
-    """Number of claims by verdict, none left out."""
-    by_verdict = Counter(claim.verdict for claim in study.claims)
+    """Number of facts by verdict, none left out."""
+    by_verdict = Counter(claim.verdict for claim in facts(study.claims))
     return {verdict: by_verdict[verdict] for verdict in Verdict}
 
 
 def headline(study: Study) -> str:
     """One line: how many claims there are and what becomes of them."""
     n = counts(study)
+    rows = len(study.claims)
+    repeats = f" (of {rows} rows; those that state one fact count once)" if rows > sum(n.values()) else ""
     return (
-        f"{len(study.claims)} claims: {n[Verdict.HOLDS]} hold to the printed digits, {n[Verdict.WITHIN_GRID]} within "
-        f"the paper's grid, {n[Verdict.FAILS]} do not hold, {n[Verdict.OPEN]} cannot be told."
+        f"{sum(n.values())} claims{repeats}: {n[Verdict.HOLDS]} hold to the printed digits, "
+        f"{n[Verdict.WITHIN_GRID]} within the paper's grid, {n[Verdict.FAILS]} do not hold, "
+        f"{n[Verdict.OPEN]} cannot be told."
     )
 
 
@@ -101,7 +121,8 @@ def findings(study: Study, most: int = 3) -> list[str]:
 
 def _holding(study: Study) -> str:
     """How the numbers of the throws fare, of which every engine has a value."""
-    numbers = [claim for claim in study.claims if claim.engines and _has_number(claim)]
+    judged = [claim for claim in facts(study.claims) if claim.verdict is not Verdict.OPEN]
+    numbers = [claim for claim in judged if claim.engines and _has_number(claim)]
     holding = [claim for claim in numbers if claim.verdict in (Verdict.HOLDS, Verdict.WITHIN_GRID)]
     names = engines(study)
     if not numbers or not names:
@@ -128,7 +149,7 @@ def worst(claims: Sequence[Claim], most: int) -> list[Claim]:
     Before all others come those the paper draws its conclusions from, in its Sec. VII, and of these those in whose
     section most fails.
     """
-    failing = [claim for claim in claims if claim.verdict is Verdict.FAILS]
+    failing = [claim for claim in facts(claims) if claim.verdict is Verdict.FAILS]
     weight = Counter(_section(claim) for claim in failing)
     ordered = sorted(failing, key=lambda c: ("VII" not in c.where, -weight[_section(c)], -(c.departure or 0.0)))
     first: dict[str, Claim] = {}
@@ -142,8 +163,14 @@ def _section(claim: Claim) -> str:
 
 
 def _value(quantity: Quantity | None, digits: int = 9) -> str:
-    """A value with its unit."""
-    return "–" if quantity is None else f"{quantity.value:.{digits}g} {quantity.unit}".rstrip()
+    """A value with its unit, to the first digit of its uncertainty, and to five digits where that is not known."""
+    if quantity is None:
+        return "–"
+    value, width = abs(quantity.value), quantity.uncertainty
+    known = _UNKNOWN if width is None else digits
+    if width and value:
+        known = max(1, math.floor(math.log10(value)) - math.floor(math.log10(width)) + 1)
+    return f"{quantity.value:.{min(digits, known)}g} {quantity.unit}".rstrip()
 
 
 def _claims(study: Study, names: Sequence[str]) -> Iterator[Block]:
@@ -168,9 +195,18 @@ def _claims(study: Study, names: Sequence[str]) -> Iterator[Block]:
         Column("engines", medium="terminal"),
         Column("verdict", align="left", medium="terminal"),
     )
-    rows = [each for i, claim in enumerate(study.claims, 1) for each in _claim(claim, names, f"claim-{i}")]
+    counted = facts(study.claims)
+    stands_for = {claim.fact or claim.name: claim for claim in counted}
+    rows = [
+        each
+        for i, claim in enumerate(study.claims, 1)
+        for each in _claim(claim, stands_for[claim.fact or claim.name], names, f"claim-{i}")
+    ]
     yield table(columns, rows)
-    for claim in study.claims:
+    if len(counted) < len(study.claims):
+        repeated = "A verdict in parentheses: the row states the same fact as another one, by which it is counted."
+        yield Text(repeated, "muted")
+    for claim in counted:
         if claim.verdict in (Verdict.FAILS, Verdict.OPEN):
             yield Text(f"({claim.where}): {claim.why}.", _MARKS[claim.verdict], claim.name, medium="terminal")
     for claim, each in disagreeing(study):
@@ -183,12 +219,20 @@ def _claims(study: Study, names: Sequence[str]) -> Iterator[Block]:
         yield doc.Fold("Numbers of the paper that no solver can reach, and why", (table(columns, unreached),))
 
 
-def _claim(claim: Claim, names: Sequence[str], anchor: str) -> Iterator[doc.Row]:
+def _claim(claim: Claim, counted: Claim, names: Sequence[str], anchor: str) -> Iterator[doc.Row]:
+    """One row, and the reason for its verdict.
+
+    Args:
+        counted: the row by which the fact is counted.
+    """
     uncertainty = None if claim.ours is None else claim.ours.uncertainty
-    verdict = _verdict(claim)
+    verdict, same = _verdict(claim), ""
+    if claim is not counted:
+        verdict = replace(verdict, text=f"({verdict.text})", mark="muted")
+        same = f" (the same fact as “{counted.name}”)"
     yield doc.row(
         claim.where,
-        Cell(claim.name, detail=claim.quantity),
+        Cell(claim.name, detail=f"{claim.quantity}{same}"),
         claim.where,
         claim.printed,
         verdict,
@@ -222,7 +266,9 @@ def _engine_value(claim: Claim, engine: str) -> Cell:
         return Cell("–", hint=entry.note or "")
     tolerance = entry.tolerance
     hint = "it has no tolerance" if tolerance is None else f"allowed: {format_number(tolerance)} from ours"
-    return Cell(f"{entry.value:.9g}", doc.mark_of(entry.agrees(claim.ours)), hint=hint)
+    return Cell(
+        f"{entry.value:.{9 if tolerance is not None else _UNKNOWN}g}", doc.mark_of(entry.agrees(claim.ours)), hint=hint
+    )
 
 
 def _figures(study: Study) -> Iterator[Block]:

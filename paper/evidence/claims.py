@@ -111,6 +111,7 @@ class Claim(Spec):
     printed: str = Field(description="the number as printed, not the prose around it")
     quantity: str = Field(description="what is compared, in our words")
     machine: str = Field(default="", description="which machine it is about; empty: none or several")
+    fact: str = Field(default="", description="rows of one fact count once; empty: the row is a fact of its own")
     ours: Quantity | None = Field(description="None where a solver cannot reach it")
     engines: tuple[EngineValue, ...] = ()
     rule: str = Field(description="the rule that gave the verdict, in words")

@@ -162,7 +162,7 @@ def _direct(engine: Engine, mechanism: Mechanism, quantity: ThrowQuantity, ours:
     if tolerance is None:
         return None
     if quantity.metric == "energy_drift":
-        return tolerance.value if quantity.unit != "J" else tolerance.value * abs(ours.get(TOTAL_ENERGY, math.nan))
+        return tolerance.value * abs(ours.get(TOTAL_ENERGY, math.nan))
     # 'per peak' is met at the start here: a closed stop's torque is largest there, or larger later.
     return tolerance.value * (abs(ours[quantity]) if tolerance.stated.per else 1.0)
 

@@ -23,6 +23,8 @@ from .claims import CAPTION_STEP, TIME_STEP
 _SCAN = 0.01  # [s] in which the arm cannot come to its stop and back
 _LOOK = 1.0  # [s] after the launch in which the arm's arrival at its stop is looked for
 _FEWEST = 8  # samples below which a fit of three coefficients says nothing
+_NEAR, _PART = 50, 0.2  # samples beside a kink, and share of the shorter phase, that its slopes are fitted to at least
+_DEGREE = 5  # of these fits: the curve bends, so that a line's slope would be one of its middle
 _DIRECT = {"release_time": "release_time", "stop_torque": "stop_torque_max", "launch_speed": "launch_speed"}
 
 
@@ -118,13 +120,8 @@ def line(stop: str) -> ThrowQuantity:
     return _shape("line", stop)
 
 
-def slope_change(stop: str) -> ThrowQuantity:
-    """Change of the slope of a stop's torque at the other's release, as a share of its slope before."""
-    return _shape("slope change", stop)
-
-
 def steepening(stop: str) -> ThrowQuantity:
-    """Slope of a stop's torque after the other's release over its slope before."""
+    """Slope of a stop's torque just after the other's release over its slope just before."""
     return _shape("steepening", stop)
 
 
@@ -164,7 +161,6 @@ FASTEST_DELAY = ThrowQuantity("fastest after longest range", "s")
 ARM_ARRIVAL, ARM_DELAY = ThrowQuantity("arm at its stop", "s"), ThrowQuantity("arm at its stop after launch", "s")
 FIRST_BLOW = ThrowQuantity("arm stop acts", "s", StopLaw.UNILATERAL)
 ENERGY_DRIFT = ThrowQuantity("energy drift", "J", metric="energy_drift", follows_position=False)
-RELATIVE_DRIFT = ThrowQuantity("energy drift, share", "", metric="energy_drift", follows_position=False)
 BEND = ThrowQuantity("bend before the first release", "rad")
 """Largest gap of the stops that are closed at the start, before the first of them opens."""
 
@@ -299,7 +295,6 @@ def _along(motion: Motion, trajectory: Trajectory) -> _Values:
     end = trajectory.t[-1] if motion.launch is None else motion.launch.time
     energy = trajectory.total_energy[trajectory.t <= end]
     yield ENERGY_DRIFT, float(np.abs(energy - energy[0]).max())
-    yield RELATIVE_DRIFT, float(np.abs(energy / energy[0] - 1).max())
     closed = [stop.name for stop in trajectory.mechanism.stops if stop.closed]
     times = [time for name in closed if (time := motion.release_times[name]) is not None]
     if times:
@@ -351,10 +346,13 @@ def _before_release(trajectory: Trajectory, name: str, end: float) -> _Values:
 
 
 def _between_releases(trajectory: Trajectory, name: str, start: float, end: float) -> _Values:
-    before = fit(*_samples(trajectory, name, 0.0, start), 2)
     after = fit(*_samples(trajectory, name, start, end), 1)
-    if before is not None and after is not None:
-        slope, new = (float(each.polynomial.deriv()(start)) for each in (before, after))
+    if after is not None:
         yield line(name), after.determination
-        yield slope_change(name), abs(new - slope) / abs(slope)
-        yield steepening(name), new / slope
+    near = max(_NEAR * float(np.median(np.diff(trajectory.t))), _PART * min(start, end - start))
+    sides = [
+        fit(*_samples(trajectory, name, *side), _DEGREE) for side in ((start - near, start), (start, start + near))
+    ]
+    slopes = [float(side.polynomial.deriv()(start)) for side in sides if side is not None]
+    if len(slopes) == 2:
+        yield steepening(name), slopes[1] / slopes[0]

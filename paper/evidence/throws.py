@@ -116,9 +116,12 @@ def _reference(mechanism: Mechanism) -> tuple[Solution, float]:
 
 
 def _uncertainties(mechanism: Mechanism, ours: Readings, until: float) -> Readings:
-    """Of the certificate where it has them; else four times what a coarser integration changes, and rounding."""
+    """Of the certificate where it has them; else four times what a coarser integration changes, and rounding.
+
+    The coarser one is read at half as many instants, so that what is fitted to samples is known no better than that.
+    """
     coarse = solve(Problem(mechanism, duration=until), _COARSE, _COARSE)
-    other = read(MinimalMotion(coarse), coarse.trajectory(np.linspace(0.0, until, _SAMPLES)))
+    other = read(MinimalMotion(coarse), coarse.trajectory(np.linspace(0.0, until, _SAMPLES // 2)))
     widths = {
         quantity: _SAFETY * abs(value - other[quantity]) + _ROUNDING * abs(value)
         for quantity, value in ours.items()

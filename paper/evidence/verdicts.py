@@ -8,7 +8,7 @@ that were computed as well (:class:`Cause`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from ...models.machines.parameters import TrebuchetParameters
@@ -38,26 +38,20 @@ class Cause:
 
 @dataclass(frozen=True)
 class Grid:
-    """Our values at those points of the paper's own sampling that lie within one step of our point."""
+    """Our value at the one point of the paper's own sampling that this sampling finds to be the best.
+
+    A printed number that was picked from a grid is our value there. That the values on either side of our own point
+    enclose the printed number is no agreement: the grid has no point between them.
+    """
 
     step: str
     """With unit, such as '0.005 s'."""
-    values: tuple[tuple[float, float], ...]
-    """Points of the grid, each with our value there."""
-
-    def reaches(self, low: float, high: float) -> bool:
-        """Whether the span of the values meets an interval: the grid cannot tell the two apart then."""
-        values = [value for _, value in self.values]
-        return bool(values) and min(values) <= high and max(values) >= low
-
-    @property
-    def text(self) -> str:
-        """Points and values, for a sentence."""
-        return ", ".join(f"{value:.5g} at {point:.5g}" for point, value in self.values)
+    point: float
+    value: float
 
 
 _TO_THE_DIGITS = "|ours - printed| is at most half a unit of the last printed digit plus our uncertainty"
-_ON_GRID = "; or the printed number lies within our values at the points of the paper's grid one step around ours"
+_ON_GRID = "; or our value at the point that the paper's own grid finds best comes as near"
 
 
 def as_printed(ours: Quantity, printed: str, grid: Grid | None = None, causes: Iterable[Cause] = ()) -> Judgement:
@@ -70,23 +64,25 @@ def as_printed(ours: Quantity, printed: str, grid: Grid | None = None, causes: I
     # A value that stands exactly on the border of rounding may lose an ulp on its way here.
     if error <= allowed * (1 + 1e-12):
         return Judgement(Verdict.HOLDS, rule, departure=departure)
-    if grid and grid.reaches(number.value - allowed, number.value + allowed):
-        values = f"on a grid of {grid.step} our values are {grid.text}, with {number.digits} among them"
-        why = f"ours is {_format(ours)}; {values}"
-        return Judgement(Verdict.WITHIN_GRID, rule, why, departure)
-    return Judgement(
-        Verdict.FAILS, rule, _why(f"ours is {_format(ours)}, {_format(error, ours.unit, 3)} away", causes), departure
-    )
+    on_grid = "" if grid is None else f", and {grid.value:.5g} at {grid.point:.5g}, the best on a grid of {grid.step}"
+    if grid and abs(grid.value - number.value) <= allowed * (1 + 1e-12):
+        return Judgement(Verdict.WITHIN_GRID, rule, f"ours is {_format(ours)}{on_grid}", departure)
+    fact = f"ours is {_format(ours)}, {_format(error, ours.unit, 3)} away{on_grid}"
+    return Judgement(Verdict.FAILS, rule, _why(fact, causes), departure)
 
 
-def below(ours: Quantity, bound: str) -> Judgement:
-    """A bound: ours, with its uncertainty, is below it."""
-    limit = parse(bound).value
-    largest = abs(ours.value) + (ours.uncertainty or 0.0)
-    rule = "|ours| plus its uncertainty is below the bound"
-    if largest < limit:
-        return Judgement(Verdict.HOLDS, rule)
-    return Judgement(Verdict.FAILS, rule, f"ours is {_format(ours)}", largest / limit - 1 if limit else 1.0)
+def by_reading(ours: Mapping[str, Quantity], printed: str) -> Judgement:
+    """A printed number that may mean several things: decided where each of them gives the same verdict.
+
+    Args:
+        ours: our value of each meaning, by what it is.
+    """
+    rule = f"under every reading of the text ({'; '.join(ours)}): {_TO_THE_DIGITS}"
+    found = [as_printed(value, printed) for value in ours.values()]
+    if len({each.verdict for each in found}) == 1:
+        return replace(found[0], rule=rule)
+    values = "; ".join(f"{_format(value)} is {name}" for name, value in ours.items())
+    return Judgement(Verdict.OPEN, rule, f"the text does not say what is meant: {values}")
 
 
 def positive(margin: Quantity, what: str, causes: Iterable[Cause] = ()) -> Judgement:
@@ -149,7 +145,7 @@ def distinguishable(
 
     Args:
         ours: one of them.
-        printed: the other, as the paper has it.
+        printed: the other, with the digits it is known to.
         resolution: what the paper's sampling can tell apart, in the unit of ours.
         reason: where that comes from.
     """
@@ -158,7 +154,7 @@ def distinguishable(
     error = abs(ours.value - number.value)
     if error > resolution + number.half + (ours.uncertainty or 0.0):
         return Judgement(Verdict.HOLDS, rule)
-    fact = f"ours is {_format(ours)}, only {_format(error, ours.unit, 2)} from the printed {number.digits}"
+    fact = f"ours is {_format(ours)}, only {_format(error, ours.unit, 3)} from {number.digits}"
     return Judgement(Verdict.FAILS, rule, _why(fact, causes), 1.0)
 
 
@@ -250,6 +246,8 @@ class Row:
     machine: str = ""
     engines: tuple[EngineValue, ...] = ()
     """Values of the engines; those of a formula are computed from their throws."""
+    fact: str = ""
+    """Name of the row that states the same fact best; empty: it is a fact of its own."""
 
     def claim(self, evidence: Evidence) -> Claim:
         """Judge it; a quantity that is missing leaves it open."""
@@ -278,6 +276,7 @@ class Row:
             printed=str(self.printed),
             quantity=self.quantity,
             machine=self.machine,
+            fact=self.fact,
             ours=ours,
             engines=engines,
             rule=result.rule,

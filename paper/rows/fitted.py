@@ -6,10 +6,12 @@ import math
 from collections.abc import Iterator
 from itertools import pairwise
 
-from ..drag.motion import AngleReading, DragInterval, GridPoint, PrintedAngle
+import numpy as np
+
+from ..drag.motion import AngleReading, DragInterval, PrintedAngle, common
 from ..drag.study import DragStudy, GravityReading, Reading, WorldFit
+from ..evidence import quantities as of
 from ..evidence.claims import BEST_ANGLE, TIME_STEP, Quantity, Verdict
-from ..evidence.quantities import FASTEST_ANGLE
 from ..evidence.verdicts import (
     FIXED,
     Cause,
@@ -25,6 +27,7 @@ from ..evidence.verdicts import (
     vanishes,
 )
 from ..identification.quantities import Identification
+from .throw import velocity_angles
 
 _TABLE, _SEC = "Table II", "Sec. IV, Table II"
 _CLOSE = 5.0  # [deg]: 'close to 45' is taken as within five
@@ -64,13 +67,10 @@ def drag_rows(study: DragStudy, evidence: Evidence) -> Iterator[Row]:
     """On drag: Table II and the end of Sec. IV."""
     plain = _reading(study)
     for fit in plain.worlds:
-        yield _world(plain, fit, _printed(study, fit.world))
+        yield _world(study, plain, fit)
     yield _one_area(study)
     yield from _trend(study, plain)
-    # Gravity only scales the time of a throw from rest: the angle of the largest speed is the same everywhere.
-    for each in study.printed:
-        if each.density > 0 and each.gravity != evidence.parameters.g:
-            yield _elsewhere(each, _angle_per_step(plain, each.world))
+    yield from _elsewhere(study, plain, evidence)
 
 
 def _reading(study: DragStudy) -> Reading:
@@ -83,30 +83,45 @@ def _printed(study: DragStudy, world: str) -> PrintedAngle:
     return next(each for each in study.printed if each.world == world)
 
 
-def _world(reading: Reading, fit: WorldFit, printed: PrintedAngle) -> Row:
+def _world(study: DragStudy, reading: Reading, fit: WorldFit) -> Row:
+    printed = _printed(study, fit.world)
     airless = printed.density == 0
-    what = "no drag" if airless else f"C_d A = {reading.common_drag_area:.3g} m², the best common one"
+    what = "no drag" if airless else _area(reading)
     return Row(
         f"best angle of release, {fit.world}",
         _TABLE,
         f"{printed.printed}°",
         f"velocity's angle at the release of the longest range ({what})",
         _degrees(fit.vacuum_angle if airless else fit.common_angle),
-        _judged(reading, fit, printed),
+        _judged(study, reading, fit, printed),
         FIXED,
     )
+
+
+def _area(reading: Reading) -> str:
+    return f"C_d A = {reading.common_drag_area:.3g} m², which suits the table best"
 
 
 def _degrees(angle: float) -> Quantity:
     return Quantity(value=math.degrees(angle), unit="deg")
 
 
-def _judged(reading: Reading, fit: WorldFit, printed: PrintedAngle) -> Judgement:
-    """A drag area that gives the angle leaves the claim open; without one, vacuum comes nearest to it."""
+def _judged(study: DragStudy, reading: Reading, fit: WorldFit, printed: PrintedAngle) -> Judgement:
+    """A drag area, or another reading, that gives the angle leaves the claim open; else vacuum comes nearest to it."""
     if printed.density > 0 and fit.drag_areas is not None:
         return undecided(
             f"the drag area is not printed: C_d A from {_format(fit.drag_areas)} gives {printed.printed}°; that "
             f"which suits it best, {reading.common_drag_area:.3g} m², gives {math.degrees(fit.common_angle):.1f}°"
+        )
+    pairs = [(r, f) for r in study.readings for f in r.worlds if f.world == fit.world and f.drag_areas is not None]
+    if pairs:
+        others = "; ".join(
+            f"{math.degrees(f.vacuum_angle):.4g} deg {r.angle.value} with g changed {r.gravity.value}" for r, f in pairs
+        )
+        plain = f"{math.degrees(fit.vacuum_angle):.4g} deg {reading.angle.value} with g changed {reading.gravity.value}"
+        return undecided(
+            "the table does not say whether its angle is that of the velocity or, as Sec. IV computes it, across the "
+            f"sling, nor where g was changed: it is {plain}, which does not give the print; but {others}"
         )
     causes = [Cause(printed.density > 0, "no drag area gives it: drag only ever lowers the best angle")]
     return as_printed(_degrees(fit.vacuum_angle), printed.printed, _grid(reading, fit), causes)
@@ -117,14 +132,12 @@ def _format(areas: DragInterval) -> str:
 
 
 def _grid(reading: Reading, fit: WorldFit) -> Grid | None:
-    """Points of the finest grid within one step of the best release in vacuum."""
+    """The point of the finest grid that is the best one with some drag area, the nearest to the printed angle."""
     if not reading.grids:
         return None
     grid = min(reading.grids, key=lambda each: each.step)
-    world = next((each for each in grid.worlds if each.world == fit.world), None)
-    points: list[GridPoint] = [] if world is None else [world.nearest, *world.beside]
-    near = {p.time: math.degrees(p.angle) for p in points if abs(p.time - fit.vacuum_time) <= grid.step * (1 + 1e-9)}
-    return Grid(f"{grid.step:g} s", tuple(sorted(near.items()))) if near else None
+    nearest = next((each.nearest for each in grid.worlds if each.world == fit.world), None)
+    return Grid(f"{grid.step:g} s", nearest.time, math.degrees(nearest.angle)) if nearest else None
 
 
 def _one_area(study: DragStudy) -> Row:
@@ -157,6 +170,9 @@ def _one_area_judged(study: DragStudy, best: Reading) -> Judgement:
         f"with the best common area, {best.common_drag_area:.3g} m², the angles miss by {miss:.2g} deg (root mean "
         f"square) under the reading that fits best; a grid gives at most {most} of the {len(study.printed)}"
     )
+    apart = all(common([f.drag_areas for f in r.worlds if f.drag_areas is not None]) is None for r in study.readings)
+    if apart:
+        why += "; even without the worlds that no area suits, the others ask for different ones"
     return Judgement(Verdict.FAILS, rule, why, best.root_mean_square / (math.pi / 4))
 
 
@@ -166,6 +182,7 @@ def _trend(study: DragStudy, reading: Reading) -> Iterator[Row]:
     dense, others = densest.world, [name for name in angles if name != densest.world]
     rises = max(math.degrees(b - a) for curve in reading.curves for a, b in pairwise(curve.angles))
     least = min(angles[name] for name in others) - angles[dense]
+    area = f"with {_area(reading)}"
     yield Row(
         "best angle falls as drag grows",
         _SEC,
@@ -180,7 +197,7 @@ def _trend(study: DragStudy, reading: Reading) -> Iterator[Row]:
         "thin air leaves the angle near 45",
         _SEC,
         BEST_ANGLE,
-        f"largest distance from 45 deg but on {dense.capitalize()}",
+        f"largest distance from 45 deg but on {dense.capitalize()}, {area}",
         Quantity(value=max((abs(angles[name] - BEST_ANGLE.value) for name in others), default=0.0), unit="deg"),
         lambda q, _: vanishes(q, _CLOSE, "'close' asks for five degrees"),
         FIXED,
@@ -189,7 +206,7 @@ def _trend(study: DragStudy, reading: Reading) -> Iterator[Row]:
         f"much smaller on {dense.capitalize()}",
         _SEC,
         f"{densest.printed}°",
-        "best angle of any other world less its own",
+        f"best angle of any other world less its own, {area}",
         Quantity(value=least, unit="deg"),
         positive(Quantity(value=least - _CLOSE, unit="deg"), "the difference, beyond five degrees,"),
         FIXED,
@@ -214,26 +231,45 @@ def _exception(study: DragStudy, angles: dict[str, float]) -> Row:
         excess,
         occurs(excess.value > 0, "a larger best angle in thin air than in none", [never, some]),
         FIXED,
+        fact=f"best angle of release, {above.world}",
     )
 
 
-def _elsewhere(printed: PrintedAngle, step: float) -> Row:
-    """The largest speed comes at another angle than the best one of a world with air, as printed."""
-    return Row(
-        f"largest speed at another angle, {printed.world}",
-        _SEC,
-        f"not {printed.printed}°",
-        "angle of the velocity where the projectile is fastest",
-        FASTEST_ANGLE.of(FIXED).times(180 / math.pi, "deg"),
-        lambda q, text: distinguishable(q, text, step, f"what the angle turns in a step of {TIME_STEP:g} s there"),
-        FIXED,
+def _elsewhere(study: DragStudy, reading: Reading, evidence: Evidence) -> Iterator[Row]:
+    """The largest speed comes at another angle than the best one, on every world of the table but ours.
+
+    Gravity only scales the time of a throw from rest: the angle of the largest speed is the same everywhere. In Sec. IV
+    the two angles pass as one on the Earth without air; so they do elsewhere unless they lie farther apart.
+    """
+    turned, values = _angle_per_step(evidence), evidence.throws[FIXED].values
+    gap = math.degrees(values[of.BEST_ANGLE] - values[of.FASTEST_ANGLE])
+    at_home = Cause(
+        True,
+        f"on the Earth without air, where Sec. IV finds the two at one angle, they are {gap:.3g} deg apart, and "
+        "gravity alone changes nothing in that",
     )
+    reason = f"what passes as the same in Sec. IV: the turn in a step of {TIME_STEP:g} s on the Earth without air"
+    for printed in study.printed:
+        if printed.gravity == evidence.parameters.g:
+            continue
+        fit = next(each for each in reading.worlds if each.world == printed.world)
+        best, drag = (fit.vacuum_angle, "no drag") if printed.density == 0 else (fit.common_angle, _area(reading))
+        angle = f"{math.degrees(best):.4f}"
+        yield Row(
+            f"largest speed at another angle, {printed.world}",
+            _SEC,
+            f"not {printed.printed}°",
+            f"angle of the velocity where the projectile is fastest; that of the best release is {angle} deg ({drag})",
+            of.FASTEST_ANGLE.of(FIXED).times(180 / math.pi, "deg"),
+            lambda q, _, angle=angle: distinguishable(q, angle, turned, reason, [at_home]),
+            FIXED,
+            fact="largest speed at another angle, moon",
+        )
 
 
-def _angle_per_step(reading: Reading, world: str) -> float:
-    """How much the velocity turns in one step of the paper's release times, about the best release in vacuum [deg]."""
-    fit = next(each for each in reading.worlds if each.world == world)
-    curve = next(each for each in reading.curves if each.world == world)
-    # The curve of best releases runs along the one throw: its next point is another instant of the same motion.
-    turned = abs(curve.angles[1] - fit.vacuum_angle) / abs(curve.times[1] - fit.vacuum_time)
-    return math.degrees(turned) * TIME_STEP
+def _angle_per_step(evidence: Evidence) -> float:
+    """How much the velocity turns in one step of the paper's release times, about the best release [deg]."""
+    throw = evidence.throws[FIXED]
+    times = throw.values[of.BEST_TIME] + TIME_STEP / 2 * np.array([-1.0, 1.0])
+    early, late = velocity_angles(throw.at(times))
+    return abs(float(late - early))

@@ -65,11 +65,14 @@ def _lengths(p: TrebuchetParameters) -> Iterator[Row]:
     yield Row("length of the arm", where, BEAM, "l1 + l2", _exact(beam, "m"), as_printed)
     yield Row("lever ratio", where, LEVER_RATIO, "l1 / l2", _exact(p.l1 / p.l2), as_printed)
     shorter = _exact(l1 / (beam - l1))
-    yield Row("lever ratio of l1 = 9.91", "Sec. V", BEST_RATIO, "9.91 / (l1 + l2 - 9.91)", shorter, as_printed)
+    # Arithmetic of the print: part of the claims whose numbers it gives.
+    quantity, fact = "9.91 / (l1 + l2 - 9.91)", "best lever ratio"
+    yield Row("lever ratio of l1 = 9.91", "Sec. V", BEST_RATIO, quantity, shorter, as_printed, fact=fact)
     radians = _exact(math.radians(turned), "rad")
-    yield Row("585° in radians", "Sec. IV", SLING_RADIANS, "585 deg in radians", radians, as_printed)
+    fact = "sling's angle at the best release"
+    yield Row("585° in radians", "Sec. IV", SLING_RADIANS, "585 deg in radians", radians, as_printed, fact=fact)
     quantity = "a quarter turn on from 585 deg, clockwise, above the horizontal"
-    yield Row("585° and 90°", "Sec. IV", BEST_ANGLE, quantity, above, as_printed)
+    yield Row("585° and 90°", "Sec. IV", BEST_ANGLE, quantity, above, as_printed, fact="best angle of release")
 
 
 def _start(p: TrebuchetParameters) -> Iterator[Row]:
@@ -80,6 +83,7 @@ def _start(p: TrebuchetParameters) -> Iterator[Row]:
         "angle of the arm to the direction of launch, at the start",
         _exact(math.degrees(math.acos(math.cos(p.theta0))), "deg"),
         lambda q, _: at_most(q, _ALMOST, "ten degrees"),
+        fact="Eqs. (6), (7) hold at the start",  # theta(0), assumed here and fitted there
     )
     yield _upright(p)
     machine = fixed(p)
@@ -149,8 +153,8 @@ def _scaled(evidence: Evidence) -> Row:
         "Sec. II, Table I",
         "50, 10,000",
         "launch speed of the machine with its lengths over 50 and its masses over 10,000, times √50, relative",
-        Quantity(value=speed / evidence.throws[FIXED].values[SPEED] - 1, unit=""),
-        lambda q, _: vanishes(q, _SCALED, "two integrations"),
+        Quantity(value=speed / evidence.throws[FIXED].values[SPEED] - 1, uncertainty=_SCALED, unit=""),
+        lambda q, _: vanishes(q, 0.0, "the same motion, in two integrations"),
         FIXED,
     )
 
@@ -160,9 +164,9 @@ def _inertias(evidence: Evidence) -> Iterator[Row]:
     p = evidence.parameters
     arm = evidence.throws[FIXED].mechanism.body("arm")
     about_fulcrum = arm.inertia + arm.mass * (arm.centre[0] ** 2 + arm.centre[1] ** 2)
-    for where, printed, point, paper, ours in (
-        ("Eq. (5)", "m_a (l1³ + l2³) / 3 (l1 + l2)", "the fulcrum", _five(p), about_fulcrum),
-        ("Eq. (9)", "m_a (l1 + l2)² / 12", "its centre", _nine(p), arm.inertia),
+    for where, printed, point, paper, ours, machine in (
+        ("Eq. (5)", "m_a (l1³ + l2³) / 3 (l1 + l2)", "the fulcrum", _five(p), about_fulcrum, FIXED),
+        ("Eq. (9)", "m_a (l1 + l2)² / 12", "its centre", _nine(p), arm.inertia, ROLLING),
     ):
         yield Row(
             f"moment of inertia, {where}",
@@ -171,6 +175,7 @@ def _inertias(evidence: Evidence) -> Iterator[Row]:
             f"arm's moment of inertia about {point}, {where} less the rod's",
             Quantity(value=paper - ours, uncertainty=_ROUNDING * ours, unit="kg m²"),
             lambda q, _: vanishes(q, 0.0, "the same rod"),
+            fact=f"kinetic and potential energy, {machine}",  # of which it is a part
         )
 
 

@@ -20,6 +20,7 @@ from ..evidence.verdicts import ROLLING, Cause, Judgement, Row, at_least, positi
 _MUCH = 2.0  # 'much more' is taken as twice
 _ALL = 0.99  # 'the full energy' is taken as 99 %
 _COINCIDING = 1e-6  # [s] allowed difference of the two instants of a design
+_LARGEST = "coinciding gives the largest range"
 
 
 def efficiency_rows(machines: Machines) -> Iterator[Row]:
@@ -27,15 +28,24 @@ def efficiency_rows(machines: Machines) -> Iterator[Row]:
     rolling, fixed, floating, catapult = map(machines.named, ("rolling", "fixed", "floating-arm", "catapult"))
     for name in ("hinged", "fixed"):
         claim = f"much more efficient than a catapult ({name})"
-        yield _beats(machines.named(name), catapult, "Sec. I", claim, machines, _MUCH)
+        fact = "much more efficient than a catapult (fixed)"
+        yield _beats(machines.named(name), catapult, "Sec. I", claim, machines, need=_MUCH, fact=fact)
     yield _beats(rolling, fixed, "Sec. VI", "wheels make it more efficient", machines)
-    yield _beats(floating, fixed, "Sec. VI", "floating arm beats the fixed machine", machines)
-    yield _beats(floating, rolling, "Sec. VI", "floating arm beats the rolling machine", machines)
+    for other in (fixed, rolling):
+        claim, fact = f"floating arm beats the {other.name} machine", "floating arm beats the rolling machine"
+        yield _beats(floating, other, "Sec. VI", claim, machines, fact=fact)
     yield _full_energy(floating, machines)
 
 
 def _beats(
-    better: MachineEfficiency, worse: MachineEfficiency, where: str, name: str, machines: Machines, need: float = 1.0
+    better: MachineEfficiency,
+    worse: MachineEfficiency,
+    where: str,
+    name: str,
+    machines: Machines,
+    *,
+    need: float = 1.0,
+    fact: str = "",
 ) -> Row:
     return Row(
         name,
@@ -45,14 +55,15 @@ def _beats(
         Quantity(value=better.table_one.efficiency / worse.table_one.efficiency, unit=""),
         _judged(better, worse, machines, need),
         engines=_combined(better.engines, worse.engines, _ratio),
+        fact=fact,
     )
 
 
 def _judged(better: MachineEfficiency, worse: MachineEfficiency, machines: Machines, need: float) -> Judgement:
     rule = (
         f"the ratio of efficiencies is above {need:g} with the paper's sling, with each machine's fastest one and with "
-        "the most efficient of each kind within the same bounds; it fails where not even the most efficient of the "
-        "favoured kind beats the other as built"
+        f"the most efficient of each kind, {_within(machines, better)}; it fails where not even the most efficient of "
+        "the favoured kind beats the other as built"
     )
     ratios, facts = _ratios(better, worse)
     if all(ratio > need for ratio in ratios):
@@ -104,7 +115,7 @@ def _full_energy(machine: MachineEfficiency, machines: Machines) -> Row:
         "floating arm passes on the full energy",
         "Sec. VI",
         "all",
-        "its efficiency, at best within the bounds",
+        f"its efficiency, at best {_within(machines, machine)}",
         machine=machine.name,
     )
     if best is None:
@@ -149,36 +160,39 @@ def design_rows(design: Design) -> Iterator[Row]:
         ROLLING,
         _combined(best.engines.get("largest_ratio_time", ()), best.engines.get("best_release_time", ()), _difference),
     )
-    gain = best.throwing.range - paper.range
+    gain, size = best.throwing.range - paper.range, paper.range / best.throwing.range
     shorter = Cause(
         gain < 0,
-        f"the farthest coinciding machine with {_bounds(design)} throws {best.throwing.range:.5g} m, the paper's "
-        f"rolling one {paper.range:.5g} m and its fixed one {design.paper_fixed.range:.5g} m",
+        f"{_bounds(design)}, the farthest coinciding machine throws {best.throwing.range:.5g} m, the paper's rolling "
+        f"one {paper.range:.5g} m and its fixed one {design.paper_fixed.range:.5g} m; with all lengths {size:.3g} "
+        "times as large, which is another machine, the coinciding one would throw as far as the paper's",
     )
     yield Row(
         "such a machine throws farther",
         where,
         "> 0",
-        f"range of the design '{best.name}' less that of the paper's rolling machine",
+        f"range of the farthest coinciding machine, {_bounds(design)}, less that of the paper's rolling machine",
         Quantity(value=gain, unit="m"),
-        lambda q, _: positive(q, "the gain", [shorter]),
+        lambda q, _: positive(q, "the gain within the bounds that are named", [shorter]),
         ROLLING,
         tuple(
             each if each.value is None else each.model_copy(update={"value": each.value - paper.range})
             for each in best.engines.get("best_range", ())
         ),
+        fact=_LARGEST,
     )
     yield from _largest_range(design, best)
 
 
 def _bounds(design: Design) -> str:
-    """The bounds, which are ours, and whether they matter."""
-    bounds = design.bounds
+    """Within which a verdict on all designs holds: ours, as the paper gives none; and whether they matter."""
+    bounds, p = design.bounds, design.paper_rolling.parameters
     spans = [
-        f"{name} {low:g} to {high:g}" for name, (low, high) in (("r", bounds.r), ("h", bounds.h), ("l1", bounds.l1))
+        f"{name} {low:g} to {high:g} m" for name, (low, high) in (("r", bounds.r), ("h", bounds.h), ("l1", bounds.l1))
     ]
     active = design.designs[0].optimality.active
-    return f"{', '.join(spans)} m ({'at ' + ', '.join(active) if active else 'at none of these bounds'})"
+    stands = f"the best coinciding one stands on {', '.join(active) or 'none of these bounds'}"
+    return f"with {', '.join(spans)} ({stands}), l1 + l2 = {p.l1 + p.l2:g} m, and the paper's masses and start angles"
 
 
 def _difference(first: EngineValue, second: EngineValue) -> EngineValue:
@@ -196,15 +210,18 @@ def _largest_range(design: Design, best: CoincidingDesign) -> Iterator[Row]:
     lost, p = other.range - best.throwing.range, other.parameters
     cause = Cause(
         lost > 0,
-        f"with {_bounds(design)}, the machine of r = {p.r:.3g}, h = {p.h:.3g}, l1 = {p.l1:.3g} m throws "
-        f"{other.range:.5g} m, its peak {abs(other.gap):.2g} s {'after' if other.gap > 0 else 'before'} the release",
+        f"{_bounds(design)}, the machine of r = {p.r:.3g}, h = {p.h:.3g}, l1 = {p.l1:.3g} m throws "
+        f"{other.range:.5g} m, its peak {abs(other.gap):.2g} s {'after' if other.gap > 0 else 'before'} the release; "
+        f"that is {other.range / best.throwing.range:.3g} times as far as the best coinciding one, at any size of both",
     )
     yield Row(
-        "coinciding gives the largest range",
+        _LARGEST,
         "Secs. VI, VII",
         "largest",
-        "largest range of any rolling machine within the bounds, less that of the best coinciding one",
+        f"largest range of any rolling machine, {_bounds(design)}, less that of the best coinciding one",
         Quantity(value=lost, unit="m"),
-        lambda q, _: vanishes(q, 0.5e-3 * other.range, "a thousandth of the range, either way", [cause]),
+        lambda q, _: vanishes(
+            q, 0.5e-3 * other.range, "a thousandth of the range, within the bounds that are named", [cause]
+        ),
         ROLLING,
     )

@@ -10,6 +10,8 @@ import trebucheck as tb
 from trebucheck.paper.design.first_forward_swing import Reading, first_forward_swing_of
 from trebucheck.paper.design.search import NEARNESS, RANGE, Family
 from trebucheck.paper.design.study import FARTHEST, NEAREST, Bounds, Design, design_rolling, tolerances
+from trebucheck.paper.evidence.claims import Quantity, Verdict
+from trebucheck.paper.rows.machines import design_rows
 from trebucheck.reference.solver import solve, solve_to_launch
 from trebucheck.reference.throw.flight import Surroundings, fly
 from trebucheck.reference.throw.release import Projectile
@@ -54,6 +56,25 @@ def test_the_two_instants_coincide_by_another_reading(name: str) -> None:
     fastest = times[np.argmax(np.sum(velocity**2, axis=1))]
     assert fastest == pytest.approx(best.time, abs=5e-5)  # half the scan's interval, and its rounding
     assert fly(best, Surroundings(gravity=9.81)).range == pytest.approx(found.throwing.range, rel=1e-9)
+
+
+def test_the_rows_on_designs_name_the_bounds_within_which_they_hold() -> None:
+    """Outside of them a coinciding machine does throw as far: the same one, with its lengths scaled as the row says."""
+    rows = {row.name: row.judged(row.ours) for row in design_rows(design()) if isinstance(row.ours, Quantity)}
+    for name in ("such a machine throws farther", "coinciding gives the largest range"):
+        assert rows[name].verdict is Verdict.FAILS
+        for text in (rows[name].quantity, rows[name].why):
+            for bound in ("r 2 to 12 m", "h 2 to 14 m", "l1 7 to 13 m", "l1 + l2 = 14 m", "masses and start angles"):
+                assert bound in text
+    paper, farthest = design().paper_rolling, design().designs[0].throwing
+    size = paper.range / farthest.range
+    assert f"lengths {size:.3g} times" in rows["such a machine throws farther"].why
+    p = farthest.parameters
+    scaled = p.model_copy(update={name: size * getattr(p, name) for name in ("l1", "l2", "r", "h")})
+    swing = first_forward_swing_of(tb.rolling(scaled))
+    assert swing is not None
+    assert swing.range == pytest.approx(paper.range, rel=1e-8)
+    assert abs(swing.delay(Reading.RANGE_OPTIMAL)) < NEEDED
 
 
 @pytest.mark.parametrize("name", [FARTHEST, NEAREST])
