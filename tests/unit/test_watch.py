@@ -122,7 +122,7 @@ def test_a_reference_that_fails_in_its_process_is_a_sentence(
     fault: object, sentence: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(runs, "_solve", fault)
-    with Worker(timeout=0.5) as worker, pytest.raises(SimulationError) as caught:
+    with Worker(timeout=0.5 if fault is _hang else 60.0) as worker, pytest.raises(SimulationError) as caught:
         _ = Runner(tb.fixed(), worker).solution
     assert str(caught.value).startswith(sentence)
 
