@@ -22,12 +22,17 @@ from ..models.errors import (
     TrebucheckError,
     UnsupportedProblemError,
 )
+from ..models.mechanism import Mechanism
+from ..models.memory import available_memory
 from ..models.problem import Problem, StopLaw
 from ..models.spec import Positive, Spec
 from ..models.trajectory import PointMotion, Provenance, Trajectory
 from .study import EngineStudy
 
 _MOST_STEPS = 20_000_000
+# Of a run's samples while it is read, sent from its process, compared and written: seven were measured for an engine
+# while it is read (pymunk, Exudyn), and about as many for what follows.
+_COPIES = 16
 _ABSENT = "not installed"
 
 
@@ -231,10 +236,18 @@ class BuiltinEngine(EngineOptions, ABC):
             raise InputError(
                 f"timestep = {self.timestep!r} s must not be longer than the duration of {problem.duration!r} s."
             )
-        if problem.duration / self.timestep > _MOST_STEPS:
+        steps, most = problem.duration / self.timestep, _MOST_STEPS
+        if steps > most:
             raise InputError(
-                f"timestep = {self.timestep!r} s makes more than {_MOST_STEPS} steps of {problem.duration!r} s; "
-                f"at least {problem.duration / _MOST_STEPS:.3g} s is needed."
+                f"timestep = {self.timestep!r} s makes more than {most} steps of {problem.duration!r} s; "
+                f"at least {problem.duration / most:.3g} s is needed."
+            )
+        need, available = steps * _sample_size(problem.mechanism), available_memory()
+        if need > available:
+            raise InputError(
+                f"timestep = {self.timestep!r} s makes {steps:.3g} steps of {problem.duration!r} s, for which some "
+                f"{need / 1e9:.3g} GB of memory are needed and {available / 1e9:.3g} GB are available; at least "
+                f"{self.timestep * need / available:.3g} s is needed."
             )
 
     def _refuse_divergence(self, recording: Recording) -> None:
@@ -255,3 +268,10 @@ class BuiltinEngine(EngineOptions, ABC):
             steps=recording.steps,
             wall_time=wall,
         )
+
+
+def _sample_size(mechanism: Mechanism) -> int:
+    """Memory for one instant of a trajectory, with its copies [B]."""
+    columns = 3 + 2 * len(mechanism.coordinates) + 4 * len(mechanism.markers)  # time, energies, states, points
+    columns += len(mechanism.stops) + 3 * len(mechanism.joints)  # forces; reactions and drifts
+    return 8 * columns * _COPIES

@@ -141,8 +141,14 @@ class Worker:
         Args:
             compute: a module's function, or a partial of one.
             name: of whose work it is, for messages.
+
+        Raises:
+            SimulationError: as :meth:`call`, or its numbers became too large or too small to go on.
         """
-        return self.call(_computed, _Computation(name), compute)
+        try:
+            return self.call(_computed, _Computation(name), compute)
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            raise SimulationError(f"{name} cannot go on: {error}.") from error
 
     def _isolated(self, function: Callable[[_Runner, _Given], _Result], runner: _Runner, given: _Given) -> _Result:
         pool = self._idle.get()

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+import pickle
+import re
 import time
+import tracemalloc
 import warnings
 from pathlib import Path
 
@@ -15,8 +18,10 @@ from trebucheck.cli.app import main
 from trebucheck.comparisons.runs import runner as runs
 from trebucheck.comparisons.runs.results import Outcome, Results
 from trebucheck.comparisons.runs.runner import Runner, Worker
+from trebucheck.engines import protocol
 from trebucheck.models.errors import SimulationError
 from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism
+from trebucheck.models.memory import available_memory
 from trebucheck.reference.integrator import MOST_STEPS
 from trebucheck.reference.solver import solve
 
@@ -194,3 +199,46 @@ def test_a_certificate_that_fails_does_not_cost_the_next(tmp_path: Path, capsys:
     assert main(["certify", "--models", f"{file},fixed", "--timeout", "60", "--out", str(tmp_path / "out")]) == 1
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["fixed.json"]
     assert "error: cranks: the reference gave up at t = 0.714" in capsys.readouterr().err
+
+
+# memory
+
+
+@pytest.mark.parametrize("engine", ["reference", "pymunk", "mujoco", "exudyn"])
+def test_a_run_that_does_not_fit_into_memory_is_refused_before_it_starts(
+    engine: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(protocol, "available_memory", lambda: 1e9)
+    kind = tb.engine(engine)
+    monkeypatch.setattr(type(kind), "is_installed", classmethod(lambda _: True))
+    sentence = r"1e-06 s makes 2e\+06 steps of 2\.0 s, for which some .* GB of memory are needed and 1 GB are available"
+    with pytest.raises(tb.InputError, match=sentence) as caught:
+        tb.engine(engine, timestep=1e-6).simulate(tb.Problem(tb.fixed(), duration=2.0))
+    valid = re.search(r"at least (\S+) s is needed", str(caught.value))
+    assert valid is not None
+    assert 1e-6 < float(valid[1]) < 1e-4
+
+
+def test_the_memory_that_is_estimated_is_at_least_what_a_run_takes() -> None:
+    """Peak of what Python and NumPy allocate in a reference run, and of its copy from another process."""
+    problem = tb.Problem(tb.fixed(), duration=2.0)
+    engine = tb.engine("reference", timestep=1e-4)
+    engine.simulate(problem)
+    tracemalloc.start()
+    trajectory = pickle.loads(pickle.dumps(engine.simulate(problem)))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    estimate = len(trajectory.t) * protocol._sample_size(problem.mechanism)
+    assert 0.1 * estimate < peak < estimate
+
+
+def test_the_available_memory_is_a_number_of_bytes() -> None:
+    assert 1e7 < available_memory() < 1e15
+
+
+def test_a_step_of_a_nanosecond_is_refused_at_once(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """The short run before the one that is timed has at most a hundred steps."""
+    options = ["--engine", "pymunk,reference", "--preset", "tuned", "--timeout", "20", "--out", str(tmp_path)]
+    assert main(["compare", "--models", "fixed", "--timestep", "1e-9", *options]) == 1
+    assert "did not finish" not in (text := " ".join(capsys.readouterr().out.split()))
+    assert text.count("timestep = 1e-09 s makes more than 20000000 steps of") == 2
