@@ -76,6 +76,18 @@ class WithJoint(Equations):
         return super().potential_energy(q) + 0.5 * self._stiffness * (q @ self._row - self._relaxed) ** 2
 
 
+class WithDamping(Equations):
+    """The equations with every body damped at the same rate [1/s]: forces -rate M u."""
+
+    def __init__(self, mechanism: Mechanism, rate: float) -> None:
+        super().__init__(mechanism)
+        self._rate = rate
+
+    def _forces(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
+        momenta = (quadratic.real + self._inertias) @ u[..., None]
+        return super()._forces(q, u, rates, quadratic) - self._rate * momenta[..., 0]
+
+
 class WithTiltedGravity(Equations):
     """The equations with gravity turned anticlockwise by an angle [rad]."""
 

@@ -408,12 +408,12 @@ def _of_forces(mechanism: tb.Mechanism) -> Iterator[Seed]:
     )
     yield Seed(
         "friction in the first joint",
-        (f"friction of the {joints[0].name}",),
+        (f"friction or damping of the {joints[0].name}",),
         lambda b: on_relative(b, 0, lambda x, v: -1e-4 * unit(b) * v),
     )
     yield Seed(
         "friction in the last pin",
-        (f"friction of the {pin}",),
+        (f"friction or damping of the {pin}",),
         lambda b: on_relative(b, last, lambda x, v: -1e-5 * unit(b) * v),
     )
 

@@ -116,6 +116,14 @@ class Case:
         except (TrebucheckError, np.linalg.LinAlgError, ValueError):
             return None
 
+    def under(self, law: StopLaw) -> Solution | None:
+        """The motion under the other law of the stops; None if it cannot be computed."""
+        problem = Problem(self.mechanism, duration=float(self.t[-1]), stop_law=law)
+        try:
+            return solve(problem, _TOLERANCE, _TOLERANCE)
+        except (TrebucheckError, np.linalg.LinAlgError, ValueError):
+            return None
+
     def seen(self, wrong: Solution, motion: Motion) -> tuple[FloatArray, FloatArray]:
         """Signatures of a faulty motion, as an engine reads it that believes in the fault, and as others do.
 

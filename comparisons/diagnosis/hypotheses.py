@@ -10,7 +10,7 @@ from itertools import groupby
 
 from ...models.mechanism import Mechanism
 from ...reference.equations import Equations
-from ...reference.perturbed import WithJoint, WithTiltedGravity
+from ...reference.perturbed import WithDamping, WithJoint, WithoutCentrifugal, WithTiltedGravity
 from .consistent import with_closed_loops
 from .suspects import Kind, Suspect, combined, machine_suspects, mechanism_length
 
@@ -36,7 +36,7 @@ class Component:
         size = factor * self.scale
         lowest = {"": -1.0, "rad": -math.pi, "m": -self.length}.get(self.unit, -math.inf)
         highest = {"": _MOST, "rad": math.pi, "m": self.length}.get(self.unit, math.inf)
-        return math.isfinite(size) and lowest < size < highest and not (self.positive and size < 0)
+        return math.isfinite(size) and lowest <= size <= highest and not (self.positive and size < 0)
 
     def text(self, factor: float) -> str:
         """`factor` times the small size."""
@@ -103,12 +103,16 @@ def _laws(mechanism: Mechanism) -> Iterator[Hypothesis]:
     if mechanism.gravity:
         tilt = Component("", _SMALL, "rad")
         yield law("direction of gravity", lambda f: WithTiltedGravity(mechanism, f[0] * _SMALL), tilt)
+    rate = Component("rate", _SMALL * math.sqrt(gravity / length), "1/s", positive=True)
+    yield law("damping of all bodies", lambda f: WithDamping(mechanism, f[0] * rate.scale), rate)
     viscous = Component("viscous", torque * math.sqrt(length / gravity), "N m s/rad", positive=True)
     spring = Component("stiffness", torque, "N m/rad", positive=True)
     constant = Component("torque at the start", torque, "N m")
     for joint in mechanism.joints:
         element = partial(WithJoint, mechanism, joint.name)
-        yield law(f"friction of the {joint.name}", lambda f, e=element: e(damping=f[0] * viscous.scale), viscous)
+        yield law(
+            f"friction or damping of the {joint.name}", lambda f, e=element: e(damping=f[0] * viscous.scale), viscous
+        )
         yield law(f"torque on the {joint.name}", lambda f, e=element: e(torque=f[0] * torque), constant)
         yield law(f"spring on the {joint.name}", lambda f, e=element: e(stiffness=f[0] * torque), spring)
         both = partial(_sprung, element, torque)
@@ -117,3 +121,13 @@ def _laws(mechanism: Mechanism) -> Iterator[Hypothesis]:
 
 def _sprung(element: Callable[..., Equations], unit: float, factors: Sequence[float]) -> Equations:
     return element(stiffness=factors[0] * unit, torque=factors[1] * unit)
+
+
+def gross_faults(mechanism: Mechanism) -> Iterator[tuple[str, Equations]]:
+    """Faults without a size that no small fault leads to."""
+    yield "velocity-dependent forces dropped", WithoutCentrifugal(mechanism)
+    if mechanism.gravity:
+        yield "gravity reversed", WithTiltedGravity(mechanism, math.pi)
+        yield "gravity along +x", WithTiltedGravity(mechanism, math.pi / 2)
+        yield "gravity along -x", WithTiltedGravity(mechanism, -math.pi / 2)
+        yield "no gravity", Equations(mechanism.model_copy(update={"gravity": 0.0}))

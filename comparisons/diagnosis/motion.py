@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from ...engines.registry import engine as make
 from ...models.arrays import FloatArray
 from ...models.errors import TrebucheckError
 from ...models.mechanism import Mechanism
-from ...models.problem import Problem
+from ...models.problem import Problem, StopLaw
 from ...models.trajectory import Trajectory
 from ...reference.equations import Equations
 from ...reference.perturbed import WithoutCentrifugal, solve_scheduled
@@ -21,6 +22,7 @@ from ..runs.metrics import against
 from ..runs.results import Cause, Diagnosis, Run
 from .case import Case
 from .consistent import with_closed_loops
+from .hypotheses import gross_faults
 from .onset import find_onset
 from .ranking import ranked
 from .readings import Reading, readings
@@ -69,6 +71,8 @@ def _ranked_causes(case: Case, engine: Engine, simulate: Simulate) -> tuple[tupl
     if max((cause.explained for cause in causes), default=0.0) < _CERTAIN:
         causes += [*fitting_faults(case), *_missing_causes(case), *_law_causes(case)]
     if not ranked(causes)[1]:
+        causes += _gross_causes(case)
+    if not ranked(causes)[1]:
         causes += _settings_causes(case, engine, simulate)
     if not ranked(causes)[1]:
         causes += _misread(case)
@@ -92,11 +96,25 @@ def _missing_causes(case: Case) -> Iterator[Cause]:
     """Parts that are missing, and data that are rounded: faults without a size."""
     for suspect in machine_suspects(case.mechanism):
         closed = None if suspect.scale else with_closed_loops(suspect.wrong)
-        solution = None if closed is None else case.solved(Equations(closed))
-        if solution is not None:
-            signatures = case.seen(solution, solution.motion(case.t))
-            share = max(match(case.deviation, signature, fixed=True).explained for signature in signatures)
-            yield suspect.cause(1.0, share)
+        if closed is not None:
+            yield suspect.cause(1.0, _share(case, case.solved(Equations(closed))))
+
+
+def _gross_causes(case: Case) -> Iterator[Cause]:
+    """Forces that are quite wrong, and the other law of the stops."""
+    for name, equations in gross_faults(case.mechanism):
+        yield Cause(name=name, kind="law", explained=_share(case, case.solved(equations)))
+    given = StopLaw(case.solution.problem.stop_law)
+    other = next(law for law in StopLaw if law != given)
+    yield Cause(name=f"stops by the law {other.value}", kind="law", explained=_share(case, case.under(other)))
+
+
+def _share(case: Case, wrong: Solution | None) -> float:
+    """Of the deviation, that the motion with a fault accounts for, whoever reads it; 0 where there is none."""
+    if wrong is None:
+        return 0.0
+    signatures = case.seen(wrong, wrong.motion(case.t))
+    return max(match(case.deviation, signature, fixed=True).explained for signature in signatures)
 
 
 def _law_causes(case: Case) -> Iterator[Cause]:
@@ -104,15 +122,26 @@ def _law_causes(case: Case) -> Iterator[Cause]:
     engine_times, reference_times = case.whole.release_times, case.solution.release_times
     closed = [stop.name for stop in case.mechanism.stops if stop.closed]
     right: dict[str, float | None] = {name: reference_times.get(name) for name in closed}
-    for name in closed:
-        opened = engine_times.get(name)
-        if opened != right[name]:
-            amount = f"{_format_time(opened)} instead of {_format_time(right[name])}"
-            yield from _release(case, name, amount, {**right, name: opened})
-        if opened is not None:
-            yield from _scheduled(case, f"{name} never opens", {**right, name: None})
     own = {name: engine_times.get(name) for name in closed}
-    yield from _scheduled(case, "velocity-dependent forces dropped", own, WithoutCentrifugal(case.mechanism))
+    wrong = [name for name in closed if own[name] != right[name]]
+    for name in wrong:
+        amount = f"{_format_time(own[name])} instead of {_format_time(right[name])}"
+        yield from _release(case, name, amount, {**right, name: own[name]})
+        if len(wrong) > 1 and name == _earliest(wrong, own, right):  # the others open late or early because of it
+            yield from _scheduled(case, f"release of the {name}", own, amount)
+    for name in closed:
+        if own[name] is not None:
+            yield from _scheduled(case, f"{name} never opens", {**right, name: None})
+    yield from _scheduled(case, "velocity-dependent forces dropped", own, "", WithoutCentrifugal(case.mechanism))
+
+
+def _earliest(names: Iterable[str], own: Mapping[str, float | None], right: Mapping[str, float | None]) -> str:
+    """The stop whose wrong release comes first, whether it opens too early or does not open."""
+
+    def time(name: str) -> float:
+        return min((t for t in (own[name], right[name]) if t is not None), default=math.inf)
+
+    return min(names, key=time)
 
 
 def _release(case: Case, stop: str, amount: str, releases: Mapping[str, float | None]) -> Iterator[Cause]:
@@ -132,12 +161,12 @@ def _format_time(t: float | None) -> str:
 
 
 def _scheduled(
-    case: Case, name: str, releases: Mapping[str, float | None], equations: Equations | None = None
+    case: Case, name: str, releases: Mapping[str, float | None], amount: str = "", equations: Equations | None = None
 ) -> Iterator[Cause]:
     signature = _schedule(case, releases, equations)
     if signature is not None:
         share = match(case.deviation, signature, fixed=True).explained
-        yield Cause(name=name, kind="law", explained=share)
+        yield Cause(name=name, kind="law", amount=amount, explained=share)
 
 
 def _schedule(
@@ -151,7 +180,7 @@ def _schedule(
 
 
 def _reading_causes(case: Case) -> Iterator[Cause]:
-    for reading in readings(case.solution, case.reference, case.step):
+    for reading in readings(case.solution, case.reference, case.trajectory, case.step):
         signatures = np.array([case.signature(wrong) for wrong in reading.wrong])
         if reading.text is None:
             share = match(case.deviation, signatures[0], fixed=True).explained

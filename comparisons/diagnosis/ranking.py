@@ -27,8 +27,11 @@ _TELLING = 0.05  # what accounts for less is no suspect
 
 def ranked(causes: Iterable[Cause]) -> tuple[tuple[Cause, ...], int]:
     """Suspects by the share that they account for, and how many of the first are named; 0: the cause is unknown."""
-    every = [cause for cause in causes if cause.explained > _TELLING]
-    listed = sorted(every, key=lambda cause: -min(cause.explained, EXACT))
+    best: dict[str, Cause] = {}
+    for cause in causes:
+        if cause.explained > max(_TELLING, best[cause.name].explained if cause.name in best else 0.0):
+            best[cause.name] = cause
+    listed = sorted(best.values(), key=lambda cause: -min(cause.explained, EXACT))
     return tuple(listed[:_LISTED]), _named([cause.explained for cause in listed])
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -38,11 +38,12 @@ class Reading:
     """With a mistake of another size, where that is not linear; None where that makes no sense."""
 
 
-def readings(solution: Solution, reference: Trajectory, step: float) -> Iterator[Reading]:
+def readings(solution: Solution, reference: Trajectory, given: Trajectory, step: float) -> Iterator[Reading]:
     """Readings of the reference that are wrong in one way.
 
     Args:
         reference: at the engine's times.
+        given: the engine's.
         step: the engine's [s].
     """
     yield from _scales(reference)
@@ -51,8 +52,8 @@ def readings(solution: Solution, reference: Trajectory, step: float) -> Iterator
     yield from _of_coordinates(reference)
     yield from _energies(reference)
     yield from _late(solution, reference, step)
-    for kind, wrong in (("single precision", _single), ("six digits", _six_digits)):
-        yield Reading(f"everything in {kind}", (_mapped(reference, wrong),))
+    for kind, cut in (("single precision", _single), ("six digits", _six_digits)):
+        yield Reading(f"values in {kind}", (_rounded(reference, given, cut),))
     yield Reading("no motion: everything as at the start", (_frozen(solution, reference),))
 
 
@@ -84,7 +85,20 @@ def _scales(r: Trajectory) -> Iterator[Reading]:
     )
     yield scaled("the kinetic energy", kinetic_energy=2 * r.kinetic_energy)
     yield scaled("the potential energy", potential_energy=2 * r.potential_energy)
+    yield _unit_of_mass(r)
     yield scaled("both energies", kinetic_energy=2 * r.kinetic_energy, potential_energy=2 * r.potential_energy)
+
+
+def _unit_of_mass(r: Trajectory) -> Reading:
+    """All that is proportional to mass."""
+    wrong = replace(
+        r,
+        stop_torques={n: 2 * v for n, v in r.stop_torques.items()},
+        joint_reactions={n: 2 * v for n, v in r.joint_reactions.items()},
+        kinetic_energy=2 * r.kinetic_energy,
+        potential_energy=2 * r.potential_energy,
+    )
+    return Reading("scale of all masses, forces and energies", (wrong,), lambda f: _scale(f[0]))
 
 
 def _axes(r: Trajectory) -> Iterator[Reading]:
@@ -118,6 +132,9 @@ def _points(solution: Solution, r: Trajectory) -> Iterator[Reading]:
         swapped = {**r.markers, one: r.markers[other], other: r.markers[one]}
         yield Reading(f"{one} and {other} exchanged", (replace(r, markers=swapped),))
     kinematics, length = solution.equations.kinematics, mechanism_length(r.mechanism)
+    yield _origin("the positions", r, list(r.markers), length)
+    if len(r.markers) > 1:
+        yield from (_origin(f"the {name}'s position", r, [name], length) for name in r.markers)
     for marker in r.mechanism.markers:
         if marker.name not in r.markers:
             continue
@@ -130,6 +147,18 @@ def _points(solution: Solution, r: Trajectory) -> Iterator[Reading]:
             moved = [_at(kinematics, r, marker.body, point) for point in shifts]
             wrong = tuple(replace(r, markers={**r.markers, marker.name: motion}) for motion in moved)
             yield Reading(f"point of the {marker.name} on the {marker.body}", wrong, _shift_text(length))
+
+
+def _origin(what: str, r: Trajectory, names: Sequence[str], length: float) -> Reading:
+    """Positions of markers counted from elsewhere."""
+
+    def moved(shift: Sequence[float]) -> Trajectory:
+        points = {
+            n: PointMotion(r.markers[n].position + length * np.array(shift), r.markers[n].velocity) for n in names
+        }
+        return replace(r, markers={**r.markers, **points})
+
+    return Reading(f"origin of {what}", (moved((1, 0)), moved((0, 1))), _shift_text(length))
 
 
 def _known_points(r: Trajectory) -> dict[tuple[str, Vector], str]:
@@ -245,16 +274,28 @@ def _scale(factor: float) -> str:
     return f"times {value:.6g}"
 
 
-def _mapped(r: Trajectory, change: Callable[[FloatArray], FloatArray]) -> Trajectory:
+def _rounded(r: Trajectory, given: Trajectory, cut: Callable[[FloatArray], FloatArray]) -> Trajectory:
+    """The reference, rounded in those quantities that are rounded in the given trajectory."""
+
+    def like(own: FloatArray, other: FloatArray | None) -> FloatArray:
+        return cut(own) if other is not None and np.array_equal(cut(other), other) else own
+
+    def each(own: Mapping[str, FloatArray], other: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        return {name: like(values, other.get(name)) for name, values in own.items()}
+
+    points = {name: given.markers.get(name, motion) for name, motion in r.markers.items()}
     return replace(
         r,
-        q=change(r.q),
-        u=change(r.u),
-        markers={n: PointMotion(change(m.position), change(m.velocity)) for n, m in r.markers.items()},
-        kinetic_energy=change(r.kinetic_energy),
-        potential_energy=change(r.potential_energy),
-        stop_torques={n: change(v) for n, v in r.stop_torques.items()},
-        joint_reactions={n: change(v) for n, v in r.joint_reactions.items()},
+        q=like(r.q, given.q),
+        u=like(r.u, given.u),
+        markers={
+            n: PointMotion(like(m.position, points[n].position), like(m.velocity, points[n].velocity))
+            for n, m in r.markers.items()
+        },
+        kinetic_energy=like(r.kinetic_energy, given.kinetic_energy),
+        potential_energy=like(r.potential_energy, given.potential_energy),
+        stop_torques=each(r.stop_torques, given.stop_torques),
+        joint_reactions=each(r.joint_reactions, given.joint_reactions),
     )
 
 
@@ -269,9 +310,8 @@ def _six_digits(values: FloatArray) -> FloatArray:
 
 def _frozen(solution: Solution, r: Trajectory) -> Trajectory:
     start = solution.trajectory(np.zeros(1))
-    still = _mapped(r, lambda v: v)
     points = {
-        n: PointMotion(np.broadcast_to(m.position, still.markers[n].position.shape), 0.0 * still.markers[n].velocity)
+        n: PointMotion(np.broadcast_to(m.position, r.markers[n].position.shape), 0.0 * r.markers[n].velocity)
         for n, m in start.markers.items()
     }
     return replace(
