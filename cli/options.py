@@ -37,6 +37,24 @@ Set = Annotated[
 Beam = Annotated[
     float | None, typer.Option("--beam", help="Keep l1 + l2 at this length (m): l2 follows from l1 (paper: 14).")
 ]
+Until = Annotated[
+    str | None,
+    typer.Option(
+        "--until",
+        help="End of the compared motion: launch, launch:MARKER, release:STOP, or a time (s); else the launch.",
+    ),
+]
+Tolerance = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--tolerance",
+        metavar="QUANTITY=VALUE",
+        help="What is asked for, e.g. position=1e-3, energy=0.1%, release:STOP=1e-6, default=1%; repeatable.",
+    ),
+]
+Tolerances = Annotated[
+    Path | None, typer.Option("--tolerances", help='The same from a JSON file: {"tolerances": {"position": 1e-3}}.')
+]
 Resume = Annotated[bool, typer.Option("--resume", help="Take finished runs from the folder again.")]
 Timeout = Annotated[float, typer.Option("--timeout", help="Longest wait for one run (s).")]
 StopLaw = Annotated[str, typer.Option("--stop-law", help="release-once or unilateral.")]
@@ -220,6 +238,18 @@ def study(
     study = Study(models, chosen_names(engines, "--engines"), store=store, timeout=timeout, **others)
     refuse_unwritable(out)
     return study
+
+
+def needs(texts: list[str] | None, file: Path | None) -> dict[str, float | str]:
+    """Tolerances from --tolerance and the file of --tolerances; those of the command line go first.
+
+    Raises:
+        InputError: a text has not its form, or the file cannot be read or holds something else.
+    """
+    from ..comparisons.runs.tolerances import ToleranceFile
+
+    from_file = {} if file is None else ToleranceFile.load(file).tolerances
+    return {**from_file, **assignments(texts, "--tolerance")}
 
 
 def engine_options(texts: list[str] | None, timestep: float | None = None) -> dict[str, Any]:

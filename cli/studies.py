@@ -17,6 +17,9 @@ def compare_command(
     preset: options.Preset = "tuned,stock",
     timestep: options.Timestep = None,
     duration: options.Duration = None,
+    until: options.Until = None,
+    tolerance: options.Tolerance = None,
+    tolerances: options.Tolerances = None,
     assignments: options.Set = None,
     beam: options.Beam = None,
     stop_law: options.StopLaw = "release-once",
@@ -27,7 +30,7 @@ def compare_command(
     """Run engines on machines, measure them against the reference and each other, and write the report.
 
     Writes report.html (self-contained), results.json and one NetCDF file a run; prints the agreement table.
-    Ends with exit code 1 if a tolerance is broken or a run failed.
+    Ends with exit code 1 if a run disagrees, is not equivalent or failed, or if nothing was judged.
 
     Examples:
     trebucheck compare --out report
@@ -51,6 +54,8 @@ def compare_command(
             presets,
             timestep=timestep,
             duration=duration,
+            until=until,
+            tolerances=options.needs(tolerance, tolerances),
             stop_law=stop_law,
             timeout=timeout,
             store=store,

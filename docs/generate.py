@@ -12,7 +12,7 @@ import plotly.graph_objects as go
 import trebucheck as tb
 from plotly.subplots import make_subplots
 from trebucheck.comparisons.compare import plots as figures
-from trebucheck.comparisons.compare.report import DIFFERENCES
+from trebucheck.comparisons.compare.report import differences
 from trebucheck.comparisons.compare.study import Comparison
 from trebucheck.comparisons.converge.results import Studies
 from trebucheck.comparisons.explain.results import Explanation
@@ -37,7 +37,7 @@ def agreement_table(comparison: Comparison) -> str:
     tables = []
     for machine in comparison.results.machines:
         runs = (run for run in comparison.results.runs if run.model == machine.model and run.engine != "reference")
-        tables.append(table(DIFFERENCES, runs, f"{machine.model.capitalize()} machine"))
+        tables.append(table(differences(machine), runs, f"{machine.model.capitalize()} machine"))
     return markdown.text(Document("", tuple(tables)))
 
 

@@ -91,11 +91,12 @@ def figures(comparison: Comparison, machine: Machine) -> Iterator[Figure]:
     def drawn(draw: Callable[..., go.Figure], *rest: object) -> Callable[[], go.Figure]:
         return lambda: draw(comparison.solutions[machine.model], runs(), *rest)
 
-    text = "The paths of projectile and counterweight, and the machine at the start and at the end."
+    text = "The paths of the markers, and the machine at the start and at the end."
     yield Figure(drawn(_paths, machine.compared_to), "Motion", text)
     text = "At each engine's own times; no sample is interpolated."
-    ends = {name: position(name) for name in ("projectile", "counterweight")}
-    yield Figure(drawn(_over_time, ends, "m"), "Distance from the reference", text)
+    ends = {marker.name: position(marker.name) for marker in machine.mechanism.markers}
+    if ends:
+        yield Figure(drawn(_over_time, ends, "m"), "Distance from the reference", text)
     for title, text, unit, quantities in _quantities(machine):
         if quantities:
             plot = drawn(_over_time, quantities, unit, machine.compared_to)
@@ -135,19 +136,19 @@ def position(name: str) -> Quantity:
 
 
 def _paths(solution: Solution, runs: Sequence[Line], end: float) -> go.Figure:
-    """Projectile and counterweight in the plane; the machine at the start and at the end."""
+    """The markers in the plane; the machine at the start and at the end."""
     figure = go.Figure()
     reference = solution.trajectory(np.linspace(0.0, end, _POINTS))
     for which, q in zip(("at the start", "at the end"), (reference.q[0], reference.q[-1]), strict=True):
         x, y = skeleton(solution.problem.mechanism, solution.equations.kinematics, q)
         wood = {"color": "#c9b79c", "width": 5}
         figure.add_scatter(x=x, y=y, mode="lines+markers", line=wood, showlegend=False, name=which)
-    for name in (name for name in ("projectile", "counterweight") if name in reference.markers):
+    for i, name in enumerate(reference.markers):
         x, y = reference.marker(name).position.T
         figure.add_scatter(x=x, y=y, name=f"{name}, reference", line=REFERENCE_LINE)
         for run in runs:
             x, y = run.values(position(name))[1].T
-            figure.add_scatter(x=x, y=y, showlegend=name == "projectile", **run.style)
+            figure.add_scatter(x=x, y=y, showlegend=i == 0, **run.style)
     figure.update_xaxes(title="x [m]")
     figure.update_yaxes(title="y [m]", scaleanchor="x")
     return finish(figure, 620)

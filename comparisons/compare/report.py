@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from ...models.machines.trebuchet import parameters_of
@@ -12,40 +14,54 @@ from ..report import document as doc
 from ..report.document import Block, Cell, Column, Document, Heading, Mark, Note, Table, Text, mark_of, page_only, table
 from ..report.numbers import format_number, format_step
 from ..report.sections import certified_figures, provenance
-from ..runs.results import Cause, Diagnosis, Equality, Machine, Metric, Outcome, Pair, Results, Run
+from ..runs.results import COMPARED, Cause, Diagnosis, Equality, Machine, Metric, Outcome, Pair, Results, Run
 from . import plots
 from .study import Comparison
 
 _CERTIFIED = ("release_time", "launch_time", "launch_speed", "launch_angle", "range", "stop_torque", "total_energy")
-_OUTCOMES: dict[Outcome, tuple[str, Mark]] = {
-    Outcome.OK: ("ok", "good"),
-    Outcome.BROKEN: ("broken", "bad"),
-    Outcome.UNEQUAL: ("unequal", "bad"),
-    Outcome.FAILED: ("failed", "bad"),
-    Outcome.ABSENT: ("absent", "warning"),
-    Outcome.UNSUPPORTED: ("cannot", "warning"),
+_MARKS: dict[Outcome, Mark] = {
+    Outcome.AGREES: "good",
+    Outcome.DISAGREES: "bad",
+    Outcome.NOT_JUDGED: "warning",
+    Outcome.NOT_EQUIVALENT: "bad",
+    Outcome.FAILED: "bad",
+    Outcome.ABSENT: "warning",
+    Outcome.UNSUPPORTED: "warning",
 }
-"""In a word, for the terminal, and how good it is."""
+_PLURALS = {Outcome.AGREES: "agree", Outcome.DISAGREES: "disagree"}
+_MOST = 3
+"""Sentences on broken tolerances for one run; the table of all metrics has the rest."""
+_KNOWN = (
+    "position_max",
+    "velocity_max",
+    "release_time",
+    "launch_time",
+    "launch_speed",
+    "stop_torque_max",
+    "energy_balance",
+)
 _CHECKS = (
     "total mass", "start", "centre of mass", "stop position", "mass matrix", "force", "acceleration", "stop torque",
 )  # fmt: skip
 """Kinds of checks of model equivalence, in the order of the table."""
 
 _INTRODUCTION = (
-    "Each engine builds the same mechanism from its own primitives. Differences are the largest up to the launch "
-    "(velocity of the projectile at 45 degrees), the reference taken at the engine's own sample times. Values marked ✓ "
-    "hold a stated tolerance, values marked ✗ break one; the others are reported without a tolerance. “Stock” is what "
-    "an engine's documentation leads a newcomer to, “tuned” the most accurate settings found."
+    "Each engine builds the same mechanism from its own primitives. Differences are the largest up to the end of the "
+    "compared motion, the reference taken at the engine's own sample times. Values marked ✓ hold a tolerance, values "
+    "marked ✗ break one. A run agrees if every compared quantity holds its tolerance: the user's need where one "
+    "is stated, else the engine's claim, else a thousandth of the quantity's scale. What one solver does and the other "
+    "does not (a launch, a release, an impact) is a disagreement. “Stock” is what an engine's documentation leads a "
+    "newcomer to, “tuned” the most accurate settings found."
 )
 _EQUIVALENCE = (
     "Before any motion, each engine's built model is compared with the reference's equations in random states under "
     "every set of closed stops. Each value is the largest relative difference of its kind; a dash stands for what the "
-    "engine does not expose. A run whose model differs is not compared."
+    "engine does not expose, “not checked” an engine that exposes nothing. A run whose model differs is not compared."
 )
-_QUANTITIES = (
-    "Largest distance of projectile and counterweight; largest error of a release time; error of launch time and "
-    "speed; largest error of a stop's torque at any sample; largest error of a joint's force, of that force's largest "
-    "value; energy drift, of the total energy."
+_COLUMNS = (
+    "Largest distance of each marker; largest error of a release time; error of launch time and speed; largest error "
+    "of a stop's torque at any sample; largest error of a joint's force, of that force's largest value; energy drift, "
+    "of the total energy. Verdict: quantities that hold their tolerance, of all that were judged."
 )
 
 
@@ -57,6 +73,8 @@ class Quantity:
     unit: str
     metric: str
     subject: str | None = None
+    judged: str = ""
+    """Metric that has the verdict, if that is another one."""
     short: str = ""
     """Title in a terminal; '' leaves the column out there."""
 
@@ -67,7 +85,8 @@ class Quantity:
 
     def metrics(self, run: Run) -> list[Metric]:
         """Those it stands for."""
-        return [m for m in run.metrics if m.name == self.metric and self.subject in (None, m.subject)]
+        of = (m for m in run.metrics if m.observed and m.name == self.metric)
+        return [m for m in of if self.subject in (None, m.subject)]
 
     def value(self, run: Run) -> float | None:
         """The largest; None if one is missing, or the run has none."""
@@ -79,7 +98,8 @@ class Quantity:
         if not metrics:
             return Cell("")
         other = "" if value is None else "".join({f" {m.unit}" for m in metrics} - {f" {self.unit}"})
-        verdicts = {m.holds for m in metrics} - {None}
+        named = [m for m in run.metrics if m.name == (self.judged or self.metric) and self.subject in (None, m.subject)]
+        verdicts = {m.holds for m in named} - {None}
         return Cell(format_number(value) + other, mark_of(all(verdicts) if verdicts else None))
 
 
@@ -89,23 +109,31 @@ def _largest(values: Iterable[float | None]) -> float | None:
     return None if None in sizes else max((size for size in sizes if size is not None), default=None)
 
 
-QUANTITIES = (
-    Quantity("projectile", "m", "position_max", "projectile", short="position"),
-    Quantity("counterweight", "m", "position_max", "counterweight"),
+_POSITION = Quantity("position", "m", "position_max", short="position")
+_QUANTITIES = (
     Quantity("release", "s", "release_time", short="release"),
     Quantity("launch time", "s", "launch_time"),
     Quantity("launch speed", "m/s", "launch_speed", short="speed"),
     Quantity("stop torque", "N m", "stop_torque_max", short="torque"),
-    Quantity("joint force", "1", "joint_reaction_relative"),
-    Quantity("energy", "1", "energy_drift", short="energy"),
+    Quantity("joint force", "1", "joint_reaction_relative", judged="joint_reaction_max"),
+    Quantity("energy", "1", "energy_drift", judged="energy_balance", short="energy"),
 )
 
-DIFFERENCES = (
-    Column("engine", of=lambda run: run.label),
-    Column("step", "s", of=lambda run: format_step(run.settings.get("timestep"))),
-    *(quantity.column for quantity in QUANTITIES),
-)
-"""Columns of a table of runs: engine, step, and the quantities."""
+
+def quantities(machine: Machine) -> tuple[Quantity, ...]:
+    """Quantities of the agreement table: the position of each marker, then what every mechanism has."""
+    positions = (Quantity(marker.name, "m", "position_max", marker.name) for marker in machine.mechanism.markers)
+    return (*positions, *_QUANTITIES)
+
+
+def differences(machine: Machine) -> tuple[Column, ...]:
+    """Columns of a table of its runs: engine, step, and the quantities."""
+    return (
+        Column("engine", of=lambda run: run.label),
+        Column("step", "s", of=lambda run: format_step(run.settings.get("timestep"))),
+        replace(_POSITION.column, medium="terminal"),
+        *(quantity.column for quantity in quantities(machine)),
+    )
 
 
 def document(comparison: Comparison) -> Document:
@@ -127,37 +155,49 @@ def document(comparison: Comparison) -> Document:
 
 
 def verdict(results: Results) -> str:
-    """One line: what was compared and whether it holds."""
-    ran = [run for run in results.runs if run.outcome in (Outcome.OK, Outcome.BROKEN)]
-    judged = [metric for run in ran for metric in run.metrics if metric.holds is not None]
-    broken = [metric for metric in judged if not metric.holds]
-    checks = [run.equality for run in results.runs if run.equality is not None and run.equality.exposed]
-    counts = (
-        f"{sum(check.holds for check in checks)} of {len(checks)} built models equal, "
-        f"{len(ran)} of {len(results.runs)} runs compared, {len(judged)} tolerances checked, {len(broken)} broken"
-    )
-    return f"{'Agreement holds' if results.passed else 'Agreement does not hold'}: {counts}."
+    """One line: how many runs came to which verdict, and what was judged."""
+    counted = Counter(run.outcome for run in results.runs)
+    outcomes = ", ".join(f"{counted[each]} {_PLURALS.get(each, each.value)}" for each in Outcome if counted[each])
+    judged = sum(len(run.judged) for run in results.runs)
+    held = judged - sum(len(run.broken) for run in results.runs)
+    checks = [run.equality for run in results.runs if run.equality is not None]
+    shown = [check for check in checks if check.exposed]
+    models = f"{sum(check.holds for check in shown)} of {len(shown)} built models equivalent"
+    unchecked = f", {len(checks) - len(shown)} not checked" if len(shown) < len(checks) else ""
+    head = "Agreement holds" if results.passed else "Agreement does not hold" if judged else "Nothing was judged"
+    return f"{head}. Runs: {outcomes or 'none'}; {held} of {judged} judged quantities hold; {models}{unchecked}."
 
 
 def _findings(results: Results) -> Iterator[Text]:
     """What broke or did not run, and why."""
     for run in results.runs:
         name = f"{run.model}, {run.label}"
-        for sentence in complaints(run):
+        for sentence in complaints(run, _MOST):
             yield Text(sentence, "bad", lead=f"{name}:")
         if run.message:
-            yield Text(f"{run.outcome.value}: {run.message}", _OUTCOMES[run.outcome][1], lead=f"{name}:")
+            yield Text(f"{run.outcome.value}: {run.message}", _MARKS[run.outcome], lead=f"{name}:")
+        if run.unjudged:
+            labels = ", ".join(metric.label for metric in run.unjudged)
+            yield Text(f"not judged: {labels} ({run.unjudged[0].note}).", "warning", lead=f"{name}:")
         for sentence in diagnosis(run):
             yield Text(sentence, "strong", lead=f"{name}, why:")
 
 
-def complaints(run: Run) -> list[str]:
-    """One sentence for each tolerance that does not hold."""
-    return [
-        f"{m.label}: {m.note or f'{format_number(m.value)} {m.unit}'}, "
-        f"tolerance {format_number(m.tolerance)} {m.unit} ({m.reason})"
-        for m in run.broken
-    ]
+def complaints(run: Run, most: int | None = None) -> list[str]:
+    """One sentence for each tolerance that does not hold, the worst first; of the rest their number.
+
+    Args:
+        most: how many have a sentence; None: all.
+    """
+    broken = sorted(run.broken, key=lambda m: math.inf if m.value is None else abs(m.value) / (m.tolerance or 1e-300))
+    sentences = [_complaint(metric) for metric in broken[::-1][:most]]
+    rest = len(broken) - len(sentences)
+    return [*sentences, f"{rest} more of {len(run.judged)} judged quantities break their tolerance."][: len(broken)]
+
+
+def _complaint(m: Metric) -> str:
+    measured = m.note or f"{format_number(m.value)} {m.unit}"
+    return f"{m.label}: {measured}, tolerance {format_number(m.tolerance)} {m.unit} ({m.source}: {m.reason})"
 
 
 def diagnosis(run: Run) -> list[str]:
@@ -202,7 +242,7 @@ def _chapter(comparison: Comparison, machine: Machine) -> list[Block]:
         table(_EQUIVALENCE_COLUMNS, [run for run in runs if run.equality], _EQUIVALENCE_CAPTION, "page"),
         Heading("Agreement with the reference"),
         _agreement(machine, runs),
-        Note(_QUANTITIES),
+        Note(_COLUMNS),
         *(_pairs(pairs) if pairs else ()),
         *plots.figures(comparison, machine),
         doc.Fold(
@@ -218,11 +258,13 @@ def _reference_sentences(machine: Machine) -> Iterator[str]:
     else:
         yield f"The reference launches at {machine.launch_time:.9f} s with {machine.launch_speed:.7f} m/s."
     yield f"Compared from the start to {machine.compared_to:.6g} s."
-    if machine.launch_time is not None and machine.compared_to > machine.launch_time * 1.000001:
+    if machine.judged_to < machine.compared_to:
         yield (
-            "That is beyond the launch, where trajectories diverge exponentially whatever the cause: no tolerance is "
-            "put on them there."
+            f"Beyond {machine.judged_to:.6g} s only invariants are judged: there a hundred-thousandth of a body's "
+            "inertia moves the mechanism by a thousandth of its size, and any two integrators differ."
         )
+    if machine.needs:
+        yield f"Tolerances asked for: {', '.join(f'{name} {text}' for name, text in machine.needs.items())}."
     if machine.impacts:
         yield f"The reference has {machine.impacts} impact{'s' if machine.impacts > 1 else ''}, which take energy."
     for name, time in machine.release_times.items():
@@ -235,7 +277,7 @@ def _reference_sentences(machine: Machine) -> Iterator[str]:
 def _uncertainty(machine: Machine) -> tuple[Block, ...]:
     certificate = load_certificate(machine.mechanism)
     if certificate is None:
-        known = (f"{format_number(v)} in {k}" for k, v in machine.reference_uncertainty.items() if "(" not in k)
+        known = (f"{format_number(v)} in {k}" for k, v in machine.reference_uncertainty.items() if k in _KNOWN)
         text = (
             "This machine has no certificate (`trebucheck certify` makes one). By a second integration at a coarser "
             f"tolerance the reference is known to {', '.join(known)} (SI units)."
@@ -261,6 +303,8 @@ def _check(run: Run, kind: str) -> Cell:
 
 def _equal(equality: Equality) -> Cell:
     mark: Mark = "good" if equality.exposed else "warning"
+    if not equality.exposed:
+        return Cell("not checked", mark)
     text = equality.note or ("equivalent" if equality.holds else "another model")
     return Cell(text, mark if equality.holds else "bad")
 
@@ -276,16 +320,22 @@ _EQUIVALENCE_COLUMNS = (
 
 def _agreement(machine: Machine, runs: Iterable[Run]) -> Table:
     heads = (
-        *DIFFERENCES,
+        *differences(machine),
         Column("wall", "s", of=lambda run: "–" if run.wall_time is None else f"{run.wall_time:.2f}"),
         Column("steps", of=lambda run: run.steps, medium="page"),
-        Column("outcome", of=lambda run: Cell(run.outcome.value, _OUTCOMES[run.outcome][1]), medium="page"),
-        Column("", of=lambda run: Cell(*_OUTCOMES[run.outcome]), medium="terminal"),
+        Column("verdict", of=_verdict_cell),
     )
     launch = "no launch"
     if machine.launch_time is not None and machine.launch_speed is not None:
         launch = f"launch {machine.launch_time:.4f} s, {machine.launch_speed:.3f} m/s"
     return table(heads, runs, f"{machine.model}: largest differences to the reference ({launch})")
+
+
+def _verdict_cell(run: Run) -> Cell:
+    """The outcome, with how many of the judged quantities hold."""
+    judged, held = len(run.judged), len(run.judged) - len(run.broken)
+    counts = f" {held}/{judged}" if run.outcome in COMPARED else ""
+    return Cell(f"{run.outcome.value}{counts}", _MARKS[run.outcome])
 
 
 def _pairs(pairs: Sequence[Pair]) -> tuple[Block, ...]:
@@ -313,7 +363,7 @@ def _matrix(pairs: Sequence[Pair]) -> Table:
     distances = {(pair.first, pair.second): format_number(pair.position_max) for pair in pairs}
     labels = list(dict.fromkeys([*(first for first, _ in distances), *(second for _, second in distances)]))
     rows = [(first, *(distances.get((first, second), "") for second in labels[1:])) for first in labels[:-1]]
-    return table(["engine", *labels[1:]], rows, "Largest distance between the two projectiles [m]", "page")
+    return table(["engine", *labels[1:]], rows, "Largest distance between the two positions of a marker [m]", "page")
 
 
 def _metric_value(metric: Metric) -> Cell:
@@ -321,10 +371,15 @@ def _metric_value(metric: Metric) -> Cell:
     return Cell(text, mark_of(metric.holds))
 
 
+def _unjudged_reason(metric: Metric) -> str:
+    return f"follows from {metric.follows}" if metric.follows else metric.note or ""
+
+
 _METRIC_COLUMNS = (
     Column("metric", of=lambda metric: metric.label),
     Column("value", of=_metric_value),
     Column("unit", of=lambda metric: metric.unit),
     Column("tolerance", of=lambda metric: format_number(metric.tolerance)),
-    Column("reason", of=lambda metric: metric.reason or (metric.value is not None and metric.note) or ""),
+    Column("stated by", of=lambda metric: metric.source or ("" if metric.observed else "not observed")),
+    Column("reason", of=lambda metric: metric.reason or _unjudged_reason(metric)),
 )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import combinations
 from typing import Any
 
@@ -14,6 +13,7 @@ import numpy as np
 from ...engines.protocol import Engine
 from ...engines.registry import engine_class
 from ...models.errors import SimulationError, UnwritableError
+from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
 from ...models.problem import StopLaw
 from ...models.spec import Spec
@@ -23,12 +23,12 @@ from ..diagnosis.model import check_and_diagnose
 from ..diagnosis.motion import diagnose_motion
 from ..report.numbers import format_number
 from ..runs.demand import OnDemand, in_order
-from ..runs.metrics import Compared, measure, pair_of
-from ..runs.results import Diagnosis, Equality, Machine, Outcome, Pair, Results, Run
+from ..runs.pairs import Compared, pair_of
+from ..runs.results import Diagnosis, Equality, Machine, Outcome, Pair, Results, Run, verdict_on
 from ..runs.runner import Runner, Worker, failure
 from ..runs.store import Store, conditions, digest
-from ..runs.study import PRESETS, Study
-from ..runs.tolerances import is_table_one, judge
+from ..runs.study import PRESETS, Study, one_end
+from ..runs.tolerances import Needs, is_table_one, judge
 
 
 @dataclass(frozen=True)
@@ -71,6 +71,8 @@ def compare(
     parameters: Spec | None = None,
     timestep: float | None = None,
     duration: float | None = None,
+    until: str | float | None = None,
+    tolerances: Mapping[str, float | str] | None = None,
     stop_law: StopLaw | str = StopLaw.RELEASE_ONCE,
     store: Store | None = None,
     isolate: bool = True,
@@ -87,6 +89,10 @@ def compare(
         parameters: of the named machines, all of one class; their defaults if left out.
         timestep: of every engine [s]; each preset's own if left out.
         duration: end of the compared motion [s]; the reference's launch if left out.
+        until: the end in other words: 'launch:MARKER', 'release:STOP', or a time [s].
+        tolerances: needs by quantity, in its unit or in parts of its scale, e.g. {'position': 1e-3, 'energy': '0.1%'};
+            for one subject 'position:projectile'; for whatever has none, 'default'. What is left out is held against
+            the engine's claim or the default.
         stop_law: 'release-once' or 'unilateral'.
         store: where trajectories are kept and, if asked, taken from again.
         isolate: simulate in a process of its own, so that an engine's crash costs only its row.
@@ -104,7 +110,8 @@ def compare(
         parameters=parameters,
         options=options if timestep is None else {"timestep": timestep, **options},
         stop_law=stop_law,
-        duration=duration,
+        until=one_end(duration, until),
+        tolerances=tolerances,
         store=store,
         isolate=isolate,
         timeout=timeout,
@@ -221,15 +228,16 @@ class _MachineRuns:
     """
 
     def __init__(self, study: Study, mechanism: Mechanism, worker: Worker) -> None:
-        self.store, self.runner = study.store, Runner(mechanism, worker, study.duration, study.law)
+        self.store, self.runner = study.store, Runner(mechanism, worker, study.end, study.law)
+        self._needs = study.needs
         self.runs: list[Run] = []
         self.motions: dict[str, Callable[[], Trajectory]] = {}
         self._compared: dict[str, Compared] = {}
         self._files: dict[str, str] = {}
-        self._parts = (mechanism.content_hash, study.duration, study.law.value)
+        self._parts = (mechanism.content_hash, repr(study.end), repr(study.needs), study.law.value)
         """Of the conditions under which a record is used again: whatever decides its content must be among them."""
         self._kept = self.store.record(mechanism.name, _MachineRecord, conditions(*self._parts)) if self.store else None
-        self.machine = self._kept.machine if self._kept else _machine_row(self.runner)
+        self.machine = self._kept.machine if self._kept else _machine_row(self.runner, self._needs)
         self.repeated = self._kept is not None
 
     def simulated(self, case: Case, engine: Engine) -> _RunRecord | _Simulated:
@@ -275,29 +283,28 @@ class _MachineRuns:
             model=case.model,
             engine=case.engine,
             preset=case.preset,
-            outcome=Outcome.OK,
+            outcome=Outcome.NOT_JUDGED,
             engine_version=engine_class(case.engine).version(),
             settings=engine.settings,
             equality=simulated.equality,
             diagnosis=simulated.diagnosis,
         )
         if simulated.equality is not None and not simulated.equality.holds:
-            return run.model_copy(update={"outcome": Outcome.UNEQUAL, "message": _unequal(simulated.equality)})
+            return run.model_copy(update={"outcome": Outcome.NOT_EQUIVALENT, "message": _unequal(simulated.equality)})
         try:
             trajectory = simulated.motion()
-            reference = self.runner.reference(trajectory.t)
-            metrics = measure(trajectory, self.runner.solution, self.runner.end, reference)
+            metrics = self.runner.measured(trajectory)
         except Exception as error:
             outcome, message = failure(error)
             return run.model_copy(update={"outcome": outcome, "message": message})
         cost = {"steps": trajectory.provenance.steps, "wall_time": trajectory.provenance.wall_time}
         run = run.model_copy(update={"metrics": metrics, **cost})
-        run = run.model_copy(update={"metrics": judge(run, self.machine, self._peaks)})
+        judged = judge(run, self.machine, self._needs)
+        run = run.model_copy(update={"metrics": judged, "outcome": verdict_on(judged)})
         if run.broken:
-            diagnosis = self._diagnosed(run, trajectory, engine)
-            run = run.model_copy(update={"outcome": Outcome.BROKEN, "diagnosis": diagnosis})
+            run = run.model_copy(update={"diagnosis": self._diagnosed(run, trajectory, engine)})
         self.motions[case.label] = lambda: trajectory
-        self._compared[case.label] = Compared.of(trajectory, reference)
+        self._compared[case.label] = self._for_pairs(trajectory)
         self._keep(case, engine, run)
         return run
 
@@ -329,11 +336,6 @@ class _MachineRuns:
         except Exception:  # a diagnosis that fails must not cost the row it is about
             return None
 
-    @cached_property
-    def _peaks(self) -> dict[str, float]:
-        times = np.linspace(0.0, self.runner.end, 2001)
-        return {name: float(torque.max()) for name, torque in self.runner.solution.motion(times).stop_torques.items()}
-
     def pairs(self) -> list[Pair]:
         """Every two runs that moved, compared with each other; kept in the store with the machine's row."""
         kept = self._kept.pairs if self._kept else {}
@@ -347,24 +349,33 @@ class _MachineRuns:
             self.store.keep_record(self.machine.model, record, conditions(*self._parts))
         return list(pairs.values())
 
+    def _for_pairs(self, trajectory: Trajectory) -> Compared:
+        return Compared.of(trajectory, self.runner.reference(trajectory.t), self.runner.until.thrown)
+
     def _pair(self, first: str, second: str) -> Pair:
         for label in (first, second):
             if label not in self._compared:
                 trajectory = self.motions[label]()
-                self._compared[label] = Compared.of(trajectory, self.runner.reference(trajectory.t))
-        end = self.machine.compared_to
+                self._compared[label] = self._for_pairs(trajectory)
+        end = self.machine.judged_to
         return pair_of(self.machine.model, (first, second), self._compared[first], self._compared[second], end)
 
 
-def _machine_row(runner: Runner) -> Machine:
+def _machine_row(runner: Runner, needs: Needs) -> Machine:
     mechanism, solution, end = runner.mechanism, runner.solution, runner.end
-    launch, uncertainties = solution.launch, runner.uncertainties
+    launch = solution.launch_at(LAUNCH_ANGLE, runner.until.thrown)
+    uncertainties = runner.uncertainties
     return Machine(
         model=mechanism.name,
         mechanism=mechanism,
         mechanism_hash=mechanism.content_hash,
         table_one=is_table_one(mechanism),
         compared_to=end,
+        judged_to=runner.judged_to,
+        stretching=runner.stretching,
+        scales=runner.scales,
+        needs=needs.texts,
+        thrown=runner.until.thrown,
         launch_time=launch.time if launch else None,
         launch_speed=launch.speed if launch else None,
         reference_uncertainty=uncertainties.values,

@@ -1,27 +1,36 @@
 """How far a trajectory is from the reference: pure functions, the reference read at the trajectory's own times.
 
 No sample of an engine is interpolated, but for the launch, which falls between two samples (a polynomial through
-the eight samples around it, :mod:`...models.launch`). Two engines seldom sample the same times: between them, the error
-against the reference, which is small and smooth, is interpolated linearly to the other engine's times, so that only a
-small part of it is lost. The reference itself cancels in the difference.
+the eight samples around it, :mod:`...models.launch`).
+
+An impact makes speeds and forces jump: between the instants at which the two have it, and within one and a half steps
+of either, they are not compared; the instants are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import zip_longest
 
 import numpy as np
 from scipy.integrate import trapezoid
 
 from ...models.arrays import BoolArray, FloatArray
-from ...models.launch import Launch
+from ...models.launch import LAUNCH_ANGLE
 from ...models.problem import StopLaw
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
-from .results import Metric, Pair
+from .results import Metric
+from .scales import Scales, scales_until
 
-_RELEASE_GUARD = 1.5  # steps around a release in which 'settled' torques are not compared
+_RELEASE_GUARD = 1.5  # steps around an event within which a sample may fall on its other side
+_SAME_END = 1e-9  # of the end: an event so little beyond it is still within
+_COUNTED_IMPACTS = 10  # of each stop: the first ones; further ones pile up in a shorter and shorter time
+_RESOLVED = 0.5  # characteristic times: a longer interval between two samples leaves motion unseen
+THROWN = "projectile"
+"""The marker whose launch is measured, unless another one is named."""
 
 
 @dataclass(frozen=True)
@@ -33,16 +42,51 @@ class Comparison:
     solution: Solution
     end: float
     keep: BoolArray
+    thrown: str = THROWN
+    known_scales: Scales | None = None
+    invariants_to: float | None = None
+    """End of what invariants are compared over [s]; None: the same."""
 
     @property
     def t(self) -> FloatArray:
         """Compared times [s]."""
         return self.trajectory.t[self.keep]
 
+    @cached_property
+    def lasting(self) -> Comparison:
+        """The same to the end of what invariants are compared over; an impact after this one's end spoils that."""
+        end = self.invariants_to
+        if end is None or any(self.end < t <= end for t, _ in (*self.trajectory.impacts, *self.solution.impacts)):
+            return self
+        return replace(self, end=end, keep=self.trajectory.t <= end, invariants_to=None)
+
+    @cached_property
+    def scales(self) -> Scales:
+        """Of the reference motion up to the end."""
+        return self.known_scales or scales_until(self.solution, self.end)
+
+    @cached_property
+    def step(self) -> float:
+        """Median interval of the samples [s]."""
+        return float(np.median(np.diff(self.trajectory.t)))
+
+    @cached_property
+    def smooth(self) -> BoolArray:
+        """Which compared samples are not at an impact of either."""
+        away = np.ones(len(self.t), dtype=bool)
+        for first, last in _impact_windows(self):
+            guard = _RELEASE_GUARD * self.step
+            away &= (self.t < first - guard) | (self.t > last + guard)
+        return away
+
     def distance(self, values: FloatArray, reference: FloatArray) -> FloatArray:
         """|values - reference| at the compared times; Euclidean over a trailing axis, if there is one."""
         difference = (values - reference)[self.keep]
         return np.abs(difference) if difference.ndim == 1 else np.linalg.norm(difference, axis=-1)
+
+    def largest(self, values: FloatArray, reference: FloatArray) -> float:
+        """Largest distance at the compared times away from impacts; 0 where there is no such time."""
+        return float(self.distance(values, reference)[self.smooth].max(initial=0.0))
 
 
 def against(trajectory: Trajectory, solution: Solution, end: float, reference: Trajectory | None = None) -> Comparison:
@@ -56,20 +100,27 @@ def against(trajectory: Trajectory, solution: Solution, end: float, reference: T
 
 
 def measure(
-    trajectory: Trajectory, solution: Solution, end: float, reference: Trajectory | None = None
+    trajectory: Trajectory,
+    solution: Solution,
+    end: float,
+    reference: Trajectory | None = None,
+    *,
+    scales: Scales | None = None,
+    thrown: str = THROWN,
+    invariants_to: float | None = None,
 ) -> tuple[Metric, ...]:
-    """Every metric the trajectory's content allows.
+    """Every metric; of what the engine does not observe one that says so.
 
     Args:
         end: end of the compared motion, the reference's launch by default of the suite [s].
         reference: at the trajectory's times, where it is known already.
+        scales: of the reference motion up to the end, where they are known already.
+        thrown: marker whose launch is measured.
+        invariants_to: end of what invariants are compared over [s], where the motion cannot be predicted so long.
     """
-    c = against(trajectory, solution, end, reference)
-    return tuple(
-        metric
-        for part in (_positions, _coordinates, _launch, _releases, _torques, _reactions, _energy, _constraints)
-        for metric in part(c)
-    )
+    reference = reference or solution.trajectory(trajectory.t)
+    c = Comparison(trajectory, reference, solution, end, trajectory.t <= end, thrown, scales, invariants_to)
+    return tuple(metric for part in _PARTS for metric in part(c))
 
 
 def _rms(values: FloatArray) -> float:
@@ -78,91 +129,165 @@ def _rms(values: FloatArray) -> float:
 
 def _positions(c: Comparison) -> Iterator[Metric]:
     for name, motion in c.trajectory.markers.items():
-        error = c.distance(motion.position, c.reference.marker(name).position)
+        expected = c.reference.marker(name)
+        error = c.distance(motion.position, expected.position)
         yield Metric(name="position_max", subject=name, value=error.max(), unit="m")
         yield Metric(name="position_rms", subject=name, value=_rms(error), unit="m")
-        error = c.distance(motion.velocity, c.reference.marker(name).velocity)
-        yield Metric(name="velocity_max", subject=name, value=error.max(), unit="m/s")
+        speed = c.largest(motion.velocity, expected.velocity)
+        yield Metric(name="velocity_max", subject=name, value=speed, unit="m/s")
 
 
 def _coordinates(c: Comparison) -> Iterator[Metric]:
     n_bodies = len(c.trajectory.mechanism.bodies)
     for i, name in enumerate(c.trajectory.mechanism.coordinates):
-        error = c.distance(c.trajectory.q[:, i], c.reference.q[:, i])
-        kind, unit = ("angle_max", "rad") if i < n_bodies else ("slide_max", "m")
-        yield Metric(name=kind, subject=name, value=error.max(), unit=unit)
+        value = float(c.distance(c.trajectory.q[:, i], c.reference.q[:, i]).max())
+        speed = c.largest(c.trajectory.u[:, i], c.reference.u[:, i])
+        turns = i < n_bodies
+        kind, unit = ("angle_max", "rad") if turns else ("slide_max", "m")
+        yield Metric(name=kind, subject=name, value=value, unit=unit)
+        kind, unit = ("angular_speed_max", "rad/s") if turns else ("slide_speed_max", "m/s")
+        yield Metric(name=kind, subject=name, value=speed, unit=unit)
 
 
 def _launch(c: Comparison) -> Iterator[Metric]:
-    expected = c.solution.launch
-    if expected is None or expected.time > c.end or "projectile" not in c.trajectory.markers:
+    if c.thrown not in c.trajectory.markers:
         return
-    launch = c.trajectory.launch()
-    note = None if launch else "the engine's projectile does not come to the launch angle"
-    time = None if launch is None else launch.time - expected.time
-    speed = None if launch is None else launch.speed - expected.speed
-    yield Metric(name="launch_time", value=time, unit="s", note=note)
-    yield Metric(name="launch_speed", value=speed, unit="m/s", note=note)
+    expected, launch = c.solution.launch_at(LAUNCH_ANGLE, c.thrown), c.trajectory.launch(marker=c.thrown)
+    times = tuple(None if each is None else each.time for each in (launch, expected))
+    if not _either_within(c, *times):
+        return
+    subject = None if c.thrown == THROWN else c.thrown
+    time, due = times
+    yield _event_metric(c, "launch_time", subject, time, due, f"{c.thrown} comes to the launch angle")
+    both = launch is not None and expected is not None
+    speed = launch.speed - expected.speed if launch and expected else None
+    note = None if both else "only one of the two launches"
+    yield Metric(name="launch_speed", subject=subject, value=speed, unit="m/s", note=note)
 
 
 def _releases(c: Comparison) -> Iterator[Metric]:
     for stop in c.trajectory.mechanism.stops:
         if not stop.closed:
             continue  # it can only open after an impact, which is another event
-        released, expected = c.trajectory.release_time(stop.name), c.reference.release_time(stop.name)
-        released, expected = _up_to(c.end, released), _up_to(c.end, expected)
-        if released is None and expected is None:
-            continue
-        if released is None or expected is None:
-            note = f"released at {_format_time(released)} by the engine, at {_format_time(expected)} by the reference"
-            yield Metric(name="release_time", subject=stop.name, value=None, unit="s", note=note)
-        else:
-            yield Metric(name="release_time", subject=stop.name, value=released - expected, unit="s")
+        times = c.trajectory.release_time(stop.name), c.solution.release_times[stop.name]
+        if _either_within(c, *times):
+            yield _event_metric(c, "release_time", stop.name, *times, "released")
 
 
-def _up_to(end: float, time: float | None) -> float | None:
-    return time if time is not None and time <= end else None
+def _either_within(c: Comparison, *times: float | None) -> bool:
+    return any(time is not None and time <= c.end * (1 + _SAME_END) for time in times)
+
+
+def _event_metric(
+    c: Comparison, name: str, subject: str | None, time: float | None, expected: float | None, what: str
+) -> Metric:
+    """Difference of the times of an event that one of the two has by the end; none if the other never has it."""
+    if time is not None and expected is not None:
+        return Metric(name=name, subject=subject, value=time - expected, unit="s")
+    note = f"{what} at {_format_time(time)} by the engine, at {_format_time(expected)} by the reference"
+    return Metric(name=name, subject=subject, value=None, unit="s", note=note)
 
 
 def _format_time(time: float | None) -> str:
     return "no time before the end" if time is None else f"{time:.9g} s"
 
 
-def _torques(c: Comparison) -> Iterator[Metric]:
-    settled = _away_from_releases(c)
-    for name, torque in c.trajectory.stop_torques.items():
-        expected = c.reference.stop_torque(name)
-        stop = c.trajectory.mechanism.stop(name)
-        if not stop.closed:
+def _impact_times(motion: Trajectory | Solution, stop: str) -> list[float]:
+    """Impacts in which a stop pushes [s]."""
+    return [time for time, impulses in motion.impacts if impulses.get(stop, 0.0) > 0]
+
+
+def _impact_windows(c: Comparison) -> Iterator[tuple[float, float]]:
+    """First and last instant of each impact of either; both of an impact that both have."""
+    for stop in c.trajectory.mechanism.stops:
+        times, expected = _impact_times(c.trajectory, stop.name), _impact_times(c.solution, stop.name)
+        paired = min(len(times), len(expected))
+        yield from ((min(pair), max(pair)) for pair in zip(times, expected, strict=False))
+        yield from ((time, time) for time in [*times[paired:], *expected[paired:]])
+
+
+def _impacts(c: Comparison) -> Iterator[Metric]:
+    """The worst of a stop's first impacts; a resolved impact that only one of the two has is a disagreement."""
+    for stop in c.trajectory.mechanism.stops:
+        times, expected = _impact_times(c.trajectory, stop.name), _impact_times(c.solution, stop.name)
+        if not _either_within(c, *times, *expected):
             continue
+        if not c.trajectory.impacts:
+            note = "the engine resolves no impacts; its motion is judged"
+            yield Metric(name="impact_time", subject=stop.name, value=None, unit="s", observed=False, note=note)
+            continue
+        yield _worst_impact(c, stop.name, times, expected)
+
+
+def _worst_impact(c: Comparison, stop: str, times: list[float], expected: list[float]) -> Metric:
+    pairs = list(zip_longest(times[:_COUNTED_IMPACTS], expected[:_COUNTED_IMPACTS]))
+    metrics = [_event_metric(c, "impact_time", stop, *pair, "met") for pair in pairs if _either_within(c, *pair)]
+    return max(metrics, key=lambda metric: np.inf if metric.value is None else abs(metric.value))
+
+
+def _torques(c: Comparison) -> Iterator[Metric]:
+    settled = _away_from_releases(c) & c.smooth
+    for stop in c.trajectory.mechanism.stops:
+        name, unit = stop.name, stop.force_unit
+        torque = c.trajectory.stop_torques.get(name)
+        if torque is None:
+            yield _not_observed("stop_torque_max", name, unit)
+            continue
+        expected = c.reference.stop_torque(name)
         error = c.distance(torque, expected)
         impulse = trapezoid(torque[c.keep], c.t) - trapezoid(expected[c.keep], c.t)
-        yield Metric(name="stop_torque_max", subject=name, value=error.max(), unit=stop.force_unit)
+        yield Metric(name="stop_torque_max", subject=name, value=error[c.smooth].max(initial=0.0), unit=unit)
         if settled.any():
-            yield Metric(name="stop_torque_settled", subject=name, value=error[settled].max(), unit=stop.force_unit)
-        yield Metric(name="stop_impulse", subject=name, value=float(impulse), unit=f"{stop.force_unit} s")
+            yield Metric(name="stop_torque_settled", subject=name, value=error[settled].max(), unit=unit)
+        yield Metric(name="stop_impulse", subject=name, value=float(impulse), unit=f"{unit} s")
+
+
+def _not_observed(name: str, subject: str, unit: str) -> Metric:
+    return Metric(name=name, subject=subject, value=None, unit=unit, observed=False, note="the engine does not tell it")
 
 
 def _away_from_releases(c: Comparison) -> BoolArray:
     """Which compared samples are further than one and a half steps from any release, either's."""
-    step = float(np.median(np.diff(c.trajectory.t)))
     away = np.ones(len(c.t), dtype=bool)
     times = [*c.trajectory.release_times.values(), *c.reference.release_times.values()]
     for time in times:
         if time is not None:
-            away &= np.abs(c.t - time) > _RELEASE_GUARD * step
+            away &= np.abs(c.t - time) > _RELEASE_GUARD * c.step
     return away
 
 
 def _reactions(c: Comparison) -> Iterator[Metric]:
-    for name, force in c.trajectory.joint_reactions.items():
-        error = c.distance(force, c.reference.joint_reaction(name))
+    undetermined: Iterable[str] = getattr(c.solution, "undetermined_joints", ())
+    for joint in c.trajectory.mechanism.joints:
+        name, force = joint.name, c.trajectory.joint_reactions.get(joint.name)
+        if force is None:
+            yield _not_observed("joint_reaction_max", name, "N")
+            continue
+        if name in undetermined:
+            note = "the loop is redundant: its reactions are not unique"
+            yield Metric(name="joint_reaction_max", subject=name, value=None, unit="N", observed=False, note=note)
+            continue
+        error = c.largest(force, c.reference.joint_reaction(name))
         scale = np.linalg.norm(c.reference.joint_reaction(name)[c.keep], axis=1).max()
-        yield Metric(name="joint_reaction_max", subject=name, value=error.max(), unit="N")
-        yield Metric(name="joint_reaction_relative", subject=name, value=error.max() / scale, unit="1")
+        yield Metric(name="joint_reaction_max", subject=name, value=error, unit="N")
+        if scale > 0:
+            yield Metric(name="joint_reaction_relative", subject=name, value=error / scale, unit="1")
 
 
 def _energy(c: Comparison) -> Iterator[Metric]:
+    own, expected = c.trajectory, c.reference
+    kinetic = c.largest(own.kinetic_energy, expected.kinetic_energy)
+    yield Metric(name="kinetic_energy_max", value=kinetic, unit="J")
+    potential = c.distance(own.potential_energy, expected.potential_energy).max()
+    yield Metric(name="potential_energy_max", value=potential, unit="J")
+    balance = c.lasting.largest(own.total_energy, expected.total_energy)
+    yield Metric(name="energy_balance", value=balance, unit="J")
+    yield from _drift(c.lasting)
+    yield from _momentum(c.lasting)
+
+
+def _drift(c: Comparison) -> Iterator[Metric]:
+    """Change of the total energy, of that at the start and of the largest kinetic energy."""
     start = float(c.reference.total_energy[0])  # every trajectory begins at t = 0
     drift = float(np.abs(c.trajectory.total_energy[c.keep] - start).max())
     if start != 0:
@@ -170,7 +295,6 @@ def _energy(c: Comparison) -> Iterator[Metric]:
     kinetic = float(c.reference.kinetic_energy[c.keep].max())
     if kinetic > 0:
         yield Metric(name="energy_drift_kinetic", value=drift / kinetic, unit="1")
-    yield from _momentum(c)
 
 
 def _momentum(c: Comparison) -> Iterator[Metric]:
@@ -193,7 +317,7 @@ def _constraints(c: Comparison) -> Iterator[Metric]:
             yield Metric(name="stop_gap_held", subject=stop.name, value=np.abs(gap[held]).max(), unit=stop.gap_unit)
     yield from _complementarity(c)
     for name, gap in c.trajectory.joint_gaps.items():
-        yield Metric(name="joint_gap_max", subject=name, value=np.abs(gap[c.keep]).max(), unit="m")
+        yield Metric(name="joint_gap_max", subject=name, value=np.abs(gap[c.lasting.keep]).max(), unit="m")
 
 
 def _complementarity(c: Comparison) -> Iterator[Metric]:
@@ -209,57 +333,15 @@ def _complementarity(c: Comparison) -> Iterator[Metric]:
             yield Metric(name="complementarity", subject=name, value=product, unit=unit)
 
 
-_MARKER = "projectile"
+def _missing_time(c: Comparison) -> Iterator[Metric]:
+    """How much of the compared time has no samples: before a late start, after an early end, in long intervals."""
+    end = c.lasting.end
+    intervals = np.diff(np.concatenate([[0.0], c.lasting.t, [end]]))
+    unseen = intervals[:-1][intervals[:-1] > _RESOLVED * c.scales.time].sum()
+    missing = unseen + (intervals[-1] if c.trajectory.t[-1] < end else 0.0)
+    yield Metric(name="missing_time", value=float(missing), unit="s")
 
 
-@dataclass(frozen=True)
-class Compared:
-    """What one run contributes to its pairs."""
-
-    t: FloatArray
-    """[s], shape (n,)."""
-    error: FloatArray | None
-    """Position of the projectile minus the reference's [m], shape (n, 2); None without a projectile."""
-    release_times: dict[str, float | None]
-    launch: Launch | None
-
-    @classmethod
-    def of(cls, trajectory: Trajectory, reference: Trajectory) -> Compared:
-        """Of a trajectory and the reference at its times."""
-        thrown = _MARKER in trajectory.markers
-        error = trajectory.marker(_MARKER).position - reference.marker(_MARKER).position if thrown else None
-        launch = trajectory.launch() if thrown else None
-        return cls(trajectory.t, error, dict(trajectory.release_times), launch)
-
-
-def pair_of(model: str, labels: tuple[str, str], first: Compared, second: Compared, end: float) -> Pair:
-    """Two runs of one machine up to `end` [s], at the times of the one that has fewer."""
-    speeds = [run.launch.speed for run in (first, second) if run.launch]
-    return Pair(
-        model=model,
-        first=labels[0],
-        second=labels[1],
-        position_max=_position_difference(first, second, end),
-        release_time_max=_release_difference(first, second),
-        launch_speed=speeds[0] - speeds[1] if len(speeds) == 2 else None,
-    )
-
-
-def _position_difference(first: Compared, second: Compared, end: float) -> float | None:
-    coarse, fine = sorted((first, second), key=lambda run: len(run.t))
-    if coarse.error is None or fine.error is None:
-        return None
-    t = coarse.t[coarse.t <= min(end, fine.t[-1])]
-    interpolated = np.stack([np.interp(t, fine.t, fine.error[:, axis]) for axis in (0, 1)], axis=1)
-    return float(np.linalg.norm(coarse.error[: len(t)] - interpolated, axis=1).max())
-
-
-def _release_difference(first: Compared, second: Compared) -> float | None:
-    differences: list[float] = []
-    for name, first_time in first.release_times.items():
-        second_time = second.release_times.get(name)
-        if (first_time is None) != (second_time is None):
-            return None
-        if first_time is not None and second_time is not None:
-            differences.append(abs(first_time - second_time))
-    return max(differences, default=None)
+_PARTS = (
+    _missing_time, _positions, _coordinates, _launch, _releases, _impacts, _torques, _reactions, _energy, _constraints,
+)  # fmt: skip

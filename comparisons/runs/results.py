@@ -10,8 +10,9 @@ from pydantic import Field, JsonValue
 
 from ...models.mechanism import Mechanism
 from ...models.spec import Real, Spec
+from .scales import Scales
 
-FORMAT = "trebucheck-results-1"
+FORMAT = "trebucheck-results-2"
 
 
 class ResultFile(Spec):
@@ -34,11 +35,15 @@ class ResultFile(Spec):
 
 
 class Outcome(StrEnum):
-    """How a run ended; the text is what the table shows."""
+    """The verdict on a run; the text is what the table shows."""
 
-    OK = "ok"
-    BROKEN = "tolerance broken"
-    UNEQUAL = "not the same machine"
+    AGREES = "agrees"
+    """Every quantity that was compared holds its tolerance."""
+    DISAGREES = "disagrees"
+    NOT_JUDGED = "not judged"
+    """Nothing broke a tolerance, but something that was compared has none, or nothing could be compared."""
+    NOT_EQUIVALENT = "not equivalent"
+    """The built model is another one: its motion was not compared."""
     FAILED = "failed"
     ABSENT = "not installed"
     UNSUPPORTED = "not supported"
@@ -51,10 +56,15 @@ class Metric(Spec):
     """
 
     name: str
-    subject: str | None = Field(default=None, description="marker, stop or joint it is about")
+    subject: str | None = Field(default=None, description="marker, coordinate, stop or joint it is about")
     value: Real | None
     unit: str
+    observed: bool = Field(default=True, description="false: the engine does not tell it, or it is not determined")
+    follows: str | None = Field(default=None, description="metric from which it follows; it has no verdict of its own")
     tolerance: Real | None = None
+    source: Literal["need", "claim", "default"] | None = Field(
+        default=None, description="whose tolerance: the user's need, the engine's claim, or the default"
+    )
     reason: str | None = Field(default=None, description="where the tolerance comes from")
     note: str | None = None
 
@@ -69,6 +79,11 @@ class Metric(Spec):
         if self.tolerance is None:
             return None
         return self.value is not None and abs(self.value) <= self.tolerance
+
+    @property
+    def unjudged(self) -> bool:
+        """Whether it was compared, stands for itself, and yet has no tolerance."""
+        return self.observed and self.follows is None and self.tolerance is None
 
 
 class Check(Spec):
@@ -166,9 +181,19 @@ class Run(Spec):
         return f"{self.engine} {self.preset}"
 
     @property
+    def judged(self) -> tuple[Metric, ...]:
+        """Metrics held against a tolerance."""
+        return tuple(m for m in self.metrics if m.holds is not None)
+
+    @property
     def broken(self) -> tuple[Metric, ...]:
         """Metrics whose tolerance does not hold."""
         return tuple(m for m in self.metrics if m.holds is False)
+
+    @property
+    def unjudged(self) -> tuple[Metric, ...]:
+        """Metrics that were compared and could not be judged."""
+        return tuple(m for m in self.metrics if m.unjudged)
 
     def metric(self, name: str, subject: str | None = None) -> Metric | None:
         """The metric of that name and subject, if the run has it."""
@@ -181,7 +206,7 @@ class Pair(Spec):
     model: str
     first: str
     second: str
-    position_max: Real | None = Field(description="of the projectile [m]; None without a projectile")
+    position_max: Real | None = Field(description="largest of all markers [m]; None without a marker")
     release_time_max: Real | None = Field(description="[s]; None if not the same stops opened")
     launch_speed: Real | None = Field(description="[m/s]; None if one of them does not launch")
 
@@ -194,6 +219,11 @@ class Machine(Spec):
     mechanism_hash: str
     table_one: bool = Field(description="whether it is the paper's Table I machine")
     compared_to: Real = Field(description="end of the compared motion: the launch, or the duration [s]")
+    judged_to: Real = Field(description="the end, or the predictability horizon if that is earlier [s]")
+    stretching: Real = Field(description="relative displacement of the motion up to there per change of inertia")
+    scales: Scales
+    needs: dict[str, str] = Field(default_factory=dict, description="the user's tolerances, as they were stated")
+    thrown: str = Field(description="marker whose launch is measured")
     launch_time: Real | None
     launch_speed: Real | None
     impacts: Annotated[int, Field(ge=0)] = Field(description="of the reference within the compared motion")
@@ -208,12 +238,30 @@ class Machine(Spec):
 class Results(ResultFile):
     """The whole of a comparison."""
 
-    format: Literal["trebucheck-results-1"] = FORMAT
+    format: Literal["trebucheck-results-2"] = FORMAT
     machines: tuple[Machine, ...]
     runs: tuple[Run, ...]
     pairs: tuple[Pair, ...]
 
     @property
+    def ran(self) -> tuple[Run, ...]:
+        """Runs whose motion was compared."""
+        return tuple(run for run in self.runs if run.outcome in COMPARED)
+
+    @property
     def passed(self) -> bool:
-        """No tolerance broken, no gate failed, no run failed. An engine that is not installed is no disagreement."""
-        return all(run.outcome not in (Outcome.BROKEN, Outcome.UNEQUAL, Outcome.FAILED) for run in self.runs)
+        """No run disagrees, differs or fails, and something was judged; an absent engine disagrees with nobody."""
+        bad = (Outcome.DISAGREES, Outcome.NOT_EQUIVALENT, Outcome.FAILED)
+        return all(run.outcome not in bad for run in self.runs) and any(run.judged for run in self.runs)
+
+
+COMPARED = (Outcome.AGREES, Outcome.DISAGREES, Outcome.NOT_JUDGED)
+"""Outcomes of runs whose motion was compared."""
+
+
+def verdict_on(metrics: tuple[Metric, ...]) -> Outcome:
+    """What the judged metrics of a run make of it: no figure without a verdict, no agreement without figures."""
+    verdicts = [metric.holds for metric in metrics if metric.holds is not None]
+    if not all(verdicts):
+        return Outcome.DISAGREES
+    return Outcome.AGREES if verdicts and not any(metric.unjudged for metric in metrics) else Outcome.NOT_JUDGED

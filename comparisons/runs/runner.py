@@ -22,7 +22,6 @@ from ...engines.protocol import Engine
 from ...models.arrays import FloatArray
 from ...models.errors import (
     EngineNotInstalledError,
-    InputError,
     SimulationError,
     TrebucheckError,
     UnsupportedProblemError,
@@ -31,10 +30,15 @@ from ...models.errors import (
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.trajectory import Trajectory
-from ...reference.certification.certificate import Uncertainties, reference_uncertainty
+from ...reference.certification.certificate import Uncertainties
 from ...reference.solution import Solution
-from ...reference.solver import solve, solve_to_launch
-from .results import Outcome
+from .metrics import measure
+from .results import Metric, Outcome
+from .scales import Scales, scales_until
+from .stretching import predictable_until, stretching
+from .uncertainty import reference_uncertainties
+from .until import Until
+from .validity import refuse_invalid
 
 
 class _Named(Protocol):
@@ -197,7 +201,6 @@ class Worker:
 
 
 TAIL_STEPS, TAIL = 20, 0.02  # an engine runs on past the end of what is compared, so that its launch can be found
-_REFERENCE_TAIL = 1.0  # [s] and the reference further still
 # Time grids on which the reference is kept: runs of one step and engine share theirs. The longest takes some 10 MB;
 # longer ones belong to runs beside which the reference is cheap.
 _GRIDS, _LONGEST_GRID = 3, 30_000
@@ -217,50 +220,48 @@ def failure(error: Exception) -> tuple[Outcome, str]:
     return Outcome.UNSUPPORTED if isinstance(error, UnsupportedProblemError) else Outcome.FAILED, str(error)
 
 
-def _solve(mechanism: Mechanism, duration: float | None, law: StopLaw) -> Solution:
-    """For so long [s], or to the launch, which is then found here, too, and kept with the solution."""
-    if duration is None:
-        solution = solve_to_launch(mechanism, law)
-    else:
-        solution = solve(Problem(mechanism, duration=duration, stop_law=law))
-    _ = solution.launch
-    return solution
-
-
 class Runner:
     """Runs engines on one mechanism and evaluates its reference motion at their times.
 
     Args:
-        mechanism: compared up to its launch, or to `duration`.
+        mechanism: compared up to its launch, or as `until` says.
         worker: the process in which engines run; None: this one. Its owner closes it.
-        duration: end of the compared motion [s]; None: the launch.
+        until: end of the compared motion.
         law: of the stops.
 
     Raises:
-        InputError: the duration is not valid.
+        InputError: the end is not valid.
     """
 
     def __init__(
         self,
         mechanism: Mechanism,
         worker: Worker | None = None,
-        duration: float | None = None,
+        until: Until | None = None,
         law: StopLaw = StopLaw.RELEASE_ONCE,
     ) -> None:
         self.mechanism, self.worker, self.law = mechanism, worker or Worker(isolate=False), law
-        self._duration = None if duration is None else Problem(mechanism, duration=duration, stop_law=law).duration
+        self.until = until or Until(required=False)
         self._on_grid: Callable[[bytes], Trajectory] = lru_cache(_GRIDS)(self._evaluated)
 
     @cached_property
+    def _solved(self) -> tuple[Solution, float]:
+        return self.worker.compute(partial(self.until.solve, self.mechanism, self.law))
+
+    @property
     def solution(self) -> Solution:
         """The reference motion, somewhat longer than the compared one.
 
         Raises:
-            InputError: the reference cannot begin.
-            SimulationError: it failed or did not come to an end.
+            InputError: the reference cannot begin, or the end does not come.
+            SimulationError: it failed, or did not come to an end.
         """
-        duration = None if self._duration is None else self._duration + _REFERENCE_TAIL
-        return self.worker.compute(partial(_solve, self.mechanism, duration, self.law))
+        return self._solved[0]
+
+    @property
+    def end(self) -> float:
+        """End of the compared motion [s]: as asked for, or the launch, or after some characteristic times."""
+        return self._solved[1]
 
     @cached_property
     def uncertainties(self) -> Uncertainties:
@@ -269,24 +270,35 @@ class Runner:
         Raises:
             SimulationError: as for :attr:`solution`.
         """
-        return self.worker.compute(partial(reference_uncertainty, self.solution, self.end))
+        given = self.solution, self.judged_to, self.scales, self.until.thrown, self.end
+        return self.worker.compute(partial(reference_uncertainties, *given))
 
     @cached_property
-    def end(self) -> float:
-        """End of the compared motion [s]: the duration, or else the launch, or else the solution's own end."""
-        if self._duration is not None:
-            return self._duration
-        launch = self.solution.launch
-        return launch.time if launch else self.solution.problem.duration
+    def _stretching(self) -> tuple[FloatArray, FloatArray]:
+        return self.worker.compute(partial(stretching, self.solution, self.end))
 
-    def refuse_no_launch(self) -> None:
-        """Require a launch.
+    @cached_property
+    def judged_to(self) -> float:
+        """The end, or the predictability horizon if that is earlier [s]."""
+        return predictable_until(*self._stretching)
 
-        Raises:
-            InputError: the reference does not launch.
-        """
-        if self.solution.launch is None:
-            raise InputError(f"{self.mechanism.name!r} does not launch, so there is no end to measure up to.")
+    @property
+    def stretching(self) -> float:
+        """Of the motion up to there."""
+        t, stretched = self._stretching
+        return float(stretched[t <= self.judged_to].max())
+
+    @cached_property
+    def scales(self) -> Scales:
+        """Of the motion up to there."""
+        return scales_until(self.solution, self.judged_to)
+
+    def measured(self, trajectory: Trajectory) -> tuple[Metric, ...]:
+        """Every metric of an engine's run, up to the predictability horizon; invariants up to the end."""
+        return measure(
+            trajectory, self.solution, self.judged_to, self.reference(trajectory.t),
+            scales=self.scales, thrown=self.until.thrown, invariants_to=self.end,
+        )  # fmt: skip
 
     def problem(self, engine: Engine, given: Mechanism | None = None) -> Problem:
         """What an engine is to simulate.
@@ -302,8 +314,10 @@ class Runner:
 
         Raises:
             Exception: whatever the engine raises; :func:`failure` makes a row of it.
+            SimulationError: what it gave is no valid trajectory.
         """
-        return self.worker.simulate(engine, self.problem(engine, given))
+        trajectory = self.worker.simulate(engine, self.problem(engine, given))
+        return refuse_invalid(engine.name, trajectory, given or self.mechanism, engine.capabilities)
 
     def reference(self, t: FloatArray) -> Trajectory:
         """The reference at these times [s], shape (n,); evaluated once for each of the last few time grids."""

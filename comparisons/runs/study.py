@@ -16,6 +16,8 @@ from ...models.problem import StopLaw
 from ...models.spec import Spec
 from .runner import Worker
 from .store import Store
+from .tolerances import Needs
+from .until import Until
 
 PRESETS = ("tuned", "stock")
 REFERENCE = "reference"
@@ -42,8 +44,10 @@ class Study:
     options: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """Of every engine, over its preset's; `timestep` [s] among them."""
     stop_law: StopLaw | str = StopLaw.RELEASE_ONCE
-    duration: float | None = None
-    """End of the compared motion [s]; None: the reference's launch."""
+    until: str | float | None = None
+    """End of the compared motion, as :meth:`.until.Until.of` reads it; None: the launch, if there is one."""
+    tolerances: Mapping[str, float | str] | None = None
+    """Needs by quantity, as :meth:`.tolerances.Needs.of` reads them."""
     store: Store | None = None
     """Where finished runs are kept; None: nowhere."""
     isolate: bool = True
@@ -70,6 +74,7 @@ class Study:
         refuse_reserved(self.options)
         for name in self.engines or ():
             engine_class(name)
+        self.needs.refuse_unknown_subjects(self.mechanisms)
 
     @cached_property
     def law(self) -> StopLaw:
@@ -79,6 +84,16 @@ class Study:
         except ValueError:
             valid = ", ".join(law.value for law in StopLaw)
             raise InputError(f"stop_law = {self.stop_law!r} is unknown; there are: {valid}.") from None
+
+    @cached_property
+    def end(self) -> Until:
+        """End of the compared motion."""
+        return Until.of(self.until)
+
+    @cached_property
+    def needs(self) -> Needs:
+        """The user's tolerances."""
+        return Needs.of(self.tolerances)
 
     @cached_property
     def mechanisms(self) -> tuple[Mechanism, ...]:
@@ -117,6 +132,17 @@ class Study:
     def worker(self) -> Worker:
         """The processes in which engines run; this one, unless they are isolated."""
         return Worker(self.timeout, self.isolate, self.jobs)
+
+
+def one_end(duration: float | None, until: str | float | None) -> str | float | None:
+    """The end of a compared motion, from either way of saying it.
+
+    Raises:
+        InputError: both are given.
+    """
+    if duration is not None and until is not None:
+        raise InputError(f"duration = {duration!r} s and until = {until!r} both name the end; leave one of them out.")
+    return until if duration is None else duration
 
 
 def _unique(names: Iterable[Any]) -> list[Any]:

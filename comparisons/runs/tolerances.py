@@ -1,32 +1,152 @@
-"""What agreement is asked of an engine on a mechanism, and why just that much.
+"""What each figure of a run is held against: a user's need, the engine's claim, or a default.
 
-A tolerance is a stated need at a stated step; each engine states its own (`engines/<name>/study.py`). At a longer step
-it grows with the engine's order of convergence; at a shorter one it stays (a need does not sharpen because somebody
-computes more). Table I is what the needs were stated for; on any other machine, whose speeds and forces are others,
-ten times as much is allowed. They hold up to the launch: after it trajectories diverge exponentially, whatever moves
-them, and only the energy is still judged, as long as no impact takes some of it. A tolerance finer than ten times the
-reference's own uncertainty is refused: what it would judge is the reference.
+* A **need** is stated by whoever asks, in the quantity's unit or in parts of its scale ('0.1%').
+* A **claim** is an engine's own (`engines/<name>/study.py`), stated for a step on the fixed machine of Table I. On
+  another machine it is the same part of the scale, at the same part of the characteristic time; it grows with the
+  engine's order in the step and with the motion's stretching (:mod:`.stretching`), which multiplies every error.
+* The **default** holds for every engine and preset: three digits of the scale. No claim is looser.
+
+A tolerance finer than ten times the reference's own uncertainty cannot be judged, unless the error is larger than both.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Literal, Self
 
-from ...engines.registry import engine_study
+from ...engines.registry import engine_class, engine_study
 from ...engines.study import Tolerance
 from ...models.errors import InputError
 from ...models.machines.registry import model
 from ...models.mechanism import Mechanism
-from ...reference.certification.certificate import refusal
+from ...models.spec import Real, Spec
+from ...reference.certification.certificate import REFUSED_BELOW, refusal
+from ...reference.solver import solve_to_launch
+from .quantities import QUANTITIES, Quantity, judged_quantity
 from .results import Machine, Metric, Run
+from .scales import Scales, scales_until
+from .stretching import stretching_at
 
+DEFAULT = 1e-3
+"""Of the scale: three digits, as fine as a plot shows and finer than the masses of most machines are known."""
+_EVERYTHING = "default"
 _OTHER_MACHINES = 10.0
-_AT_OR_BEFORE_LAUNCH = ("release_time", "launch_time", "launch_speed")
+"""A claim is stated for Table I; other machines may be so much less favourable beyond size and stretching."""
+
+Source = Literal["need", "claim", "default"]
+
+
+class ToleranceFile(Spec):
+    """Tolerances as a file holds them, for `--tolerances` and continuous integration."""
+
+    tolerances: dict[str, Real | str]
+
+
+@dataclass(frozen=True)
+class Need:
+    """One tolerance stated by a user."""
+
+    value: float
+    """In the metric's unit, or in parts of its scale."""
+    relative: bool
+    text: str
+    """As it was stated."""
+
+    @classmethod
+    def of(cls, name: str, given: float | str) -> Self:
+        """From a number, or a text with or without '%'.
+
+        Raises:
+            InputError: it is not a positive finite number.
+        """
+        text = str(given).strip()
+        try:
+            if isinstance(given, bool):
+                raise ValueError
+            value = float(text.removesuffix("%"))
+        except ValueError:
+            value = math.nan
+        if not (math.isfinite(value) and value > 0):
+            shown = text if len(text) <= 60 else f"{text[:57]}..."
+            raise InputError(f"tolerance {name} = {shown!r} must be a positive number, or a percentage such as 0.1%.")
+        relative = text.endswith("%")
+        return cls(value / 100 if relative else value, relative, text)
+
+
+@dataclass(frozen=True)
+class Needs:
+    """All tolerances that a user states."""
+
+    by_quantity: Mapping[tuple[str, str | None], Need] = field(default_factory=dict[tuple[str, str | None], Need])
+    """By name of the metric and its subject; None: any subject."""
+    default: Need | None = None
+    """In place of the default of every engine."""
+
+    @classmethod
+    def of(cls, given: Mapping[str, float | str] | None) -> Self:
+        """From values by quantity ('position', 'release'), by quantity and subject ('position:tip'), or 'default'.
+
+        Raises:
+            InputError: a quantity is unknown, a value is not valid, or the default is not relative.
+        """
+        needs: dict[tuple[str, str | None], Need] = {}
+        default: Need | None = None
+        for name, value in (given or {}).items():
+            need = Need.of(name, value)
+            if name == _EVERYTHING:
+                if not need.relative:
+                    raise InputError(f"tolerance default = {need.text!r} must be a percentage: quantities differ.")
+                default = need
+                continue
+            title, _, subject = name.partition(":")
+            needs[judged_quantity(title).name, subject or None] = need
+        return cls(needs, default)
+
+    def need(self, metric: Metric) -> Need | None:
+        """That of a metric; None where none was stated."""
+        return self.by_quantity.get((metric.name, metric.subject), self.by_quantity.get((metric.name, None)))
+
+    def refuse_unknown_subjects(self, mechanisms: tuple[Mechanism, ...]) -> None:
+        """Refuse a subject that no mechanism has.
+
+        Raises:
+            InputError: the sentence names it.
+        """
+        known = {name for each in mechanisms for name in _subjects(each)}
+        for metric, subject in self.by_quantity:
+            if subject is not None and subject not in known:
+                title = QUANTITIES[metric].title
+                raise InputError(f"tolerance {title}:{subject[:60]}: nothing has that name; there are {sorted(known)}.")
+
+    @property
+    def texts(self) -> dict[str, str]:
+        """As they were stated, by quantity."""
+        names = {key: QUANTITIES[key[0]].title + (f":{key[1]}" if key[1] else "") for key in self.by_quantity}
+        stated = {names[key]: need.text for key, need in self.by_quantity.items()}
+        return stated | ({_EVERYTHING: self.default.text} if self.default else {})
+
+
+def _subjects(mechanism: Mechanism) -> set[str]:
+    named = (*mechanism.markers, *mechanism.stops, *mechanism.joints)
+    return {each.name for each in named} | set(mechanism.coordinates)
 
 
 @dataclass(frozen=True)
 class AppliedTolerance:
-    """A stated tolerance at an engine's step on a mechanism."""
+    """A tolerance of one metric of a run."""
+
+    value: float
+    """In the metric's unit."""
+    source: Source
+    reason: str
+
+
+@dataclass(frozen=True)
+class StatedTolerance:
+    """An engine's own tolerance at its step, as it is stated: for Table I."""
 
     stated: Tolerance
     value: float
@@ -43,10 +163,8 @@ def tolerance_for(
     step: float | None,
     *,
     table_one: bool,
-) -> AppliedTolerance | None:
-    """The tolerance of a metric; None where none is stated, or the engine has no step.
-
-    That stated for the longest step not above the engine's own counts; that for the shortest one if all are above.
+) -> StatedTolerance | None:
+    """An engine's own tolerance in plain units; None where none is stated, or the engine has no step.
 
     Args:
         engine: its name.
@@ -54,8 +172,8 @@ def tolerance_for(
         metric: its name.
         subject: marker, stop or joint that the metric is about; None: none.
         mechanism: that the engine moves.
-        step: of the engine [s].
-        table_one: whether the mechanism is one of Table I (:func:`is_table_one`).
+        step: of the engine on Table I [s].
+        table_one: whether the mechanism is one of Table I (:func:`is_table_one`); ten times as much elsewhere.
     """
     fitting = [each for each in engine_study(engine).tolerances if each.fits(preset, metric, subject, mechanism)]
     if not fitting or step is None:
@@ -70,7 +188,7 @@ def tolerance_for(
         reason += f", grown with order {stated.order} to {step:g} s"
     if allowance > 1:
         reason += f", times {allowance:g} away from Table I"
-    return AppliedTolerance(stated, stated.value * growth * allowance, f"{reason} ({stated.reason})")
+    return StatedTolerance(stated, stated.value * growth * allowance, f"{reason} ({stated.reason})")
 
 
 def is_table_one(mechanism: Mechanism) -> bool:
@@ -81,46 +199,106 @@ def is_table_one(mechanism: Mechanism) -> bool:
         return False
 
 
-def judge(run: Run, machine: Machine, peaks: dict[str, float]) -> tuple[Metric, ...]:
-    """The run's metrics, each with its tolerance where there is one.
-
-    Args:
-        peaks: largest torque of each stop in the reference [N m].
-    """
-    given = run.settings.get("timestep")
-    step = given if isinstance(given, float) else None
-
-    def applied(metric: Metric) -> AppliedTolerance | None:
-        if not _can_be_judged(metric, machine):
-            return None
-        of = (run.engine, run.preset, metric.name, metric.subject, machine.mechanism)
-        return tolerance_for(*of, step, table_one=machine.table_one)
-
-    tolerances = [(metric, applied(metric)) for metric in run.metrics]
-    return tuple(metric if one is None else _with(metric, one, machine, peaks) for metric, one in tolerances)
+@cache
+def _table_one() -> tuple[Scales, float, Mechanism]:
+    """Scales and stretching of the machine that claims are stated for: the fixed one, up to its launch."""
+    solution = solve_to_launch(model("fixed"))
+    assert solution.launch is not None
+    end = solution.launch.time
+    return scales_until(solution, end), stretching_at(solution, end), solution.problem.mechanism
 
 
-def _can_be_judged(metric: Metric, machine: Machine) -> bool:
-    if metric.name.startswith("energy"):
-        return machine.impacts == 0
-    beyond = machine.launch_time is not None and machine.compared_to > machine.launch_time * (1 + 1e-9)
-    return not beyond or metric.name in _AT_OR_BEFORE_LAUNCH
+def judge(run: Run, machine: Machine, needs: Needs | None = None) -> tuple[Metric, ...]:
+    """The run's metrics, each with its tolerance, or with a note that says why it has none."""
+    return tuple(_judged(metric, run, machine, needs or Needs()) for metric in run.metrics)
 
 
-def _with(metric: Metric, applied: AppliedTolerance, machine: Machine, peaks: dict[str, float]) -> Metric:
-    tolerance = applied.value * _scale(applied.stated, metric, machine, peaks)
+def _judged(metric: Metric, run: Run, machine: Machine, needs: Needs) -> Metric:
+    quantity = QUANTITIES.get(metric.name)
+    if quantity is None or not metric.observed:
+        return metric
+    if quantity.follows is not None:
+        return metric.model_copy(update={"follows": quantity.follows})
+    applied = _applied(metric, quantity, run, machine, needs)
     known = machine.reference_uncertainty
     uncertainty = known.get(f"{metric.name} ({metric.subject})", known.get(metric.name))
-    refused = refusal(metric.name, metric.subject, tolerance, uncertainty)
-    if refused is not None:
+    most = DEFAULT * quantity.scale_of(machine.scales, metric.subject, machine.mechanism)
+    applied = _vouched(applied, uncertainty, most)
+    refused = refusal(metric.name, metric.subject, applied.value, uncertainty)
+    if refused is not None and not _surely_broken(metric, applied.value, uncertainty):
         return metric.model_copy(update={"note": refused})
-    return metric.model_copy(update={"tolerance": tolerance, "reason": applied.reason})
+    return metric.model_copy(update={"tolerance": applied.value, "source": applied.source, "reason": applied.reason})
 
 
-def _scale(stated: Tolerance, metric: Metric, machine: Machine, peaks: dict[str, float]) -> float:
-    if not stated.per or metric.subject is None:
+def _surely_broken(metric: Metric, tolerance: float, uncertainty: float | None) -> bool:
+    """Whether the error is beyond the tolerance by more than the reference can be wrong."""
+    return metric.value is None or abs(metric.value) > tolerance + REFUSED_BELOW * (uncertainty or 0.0)
+
+
+def _vouched(applied: AppliedTolerance, uncertainty: float | None, most: float) -> AppliedTolerance:
+    """A claim no finer than the reference can vouch for, as long as that is no looser than the default."""
+    least = REFUSED_BELOW * (uncertainty or 0.0)
+    if applied.source != "claim" or not applied.value < least <= most:
+        return applied
+    return AppliedTolerance(least, "claim", f"{applied.reason}; raised to ten times the reference's uncertainty")
+
+
+def _applied(metric: Metric, quantity: Quantity, run: Run, machine: Machine, needs: Needs) -> AppliedTolerance:
+    scale = quantity.scale_of(machine.scales, metric.subject, machine.mechanism)
+    need = needs.need(metric)
+    if need is not None:
+        return AppliedTolerance(need.value * (scale if need.relative else 1.0), "need", f"{need.text} was asked for")
+    default = _default(metric, quantity, scale, run, needs.default)
+    claim = _claim(metric, quantity, scale, run, machine) if needs.default is None else None
+    if claim is None:
+        return default
+    if claim.value > default.value:
+        reason = f"{default.reason}; the engine's claim is looser: {claim.reason}"
+        return AppliedTolerance(default.value, "default", reason)
+    return claim
+
+
+def _default(metric: Metric, quantity: Quantity, scale: float, run: Run, asked: Need | None) -> AppliedTolerance:
+    part = DEFAULT if asked is None else asked.value
+    value, reason = part * scale, f"{100 * part:g} % of {scale:.4g} {metric.unit}, for every engine"
+    step, located = _step(run), engine_class(run.engine).capabilities.located_releases
+    if quantity.event and step is not None and not run.settings.get("located_releases", located):
+        return AppliedTolerance(value + step, "default", f"{reason}, and the step in which it does not locate an event")
+    return AppliedTolerance(value, "default", reason)
+
+
+def _step(run: Run) -> float | None:
+    given = run.settings.get("timestep")
+    return float(given) if isinstance(given, int | float) else None
+
+
+def _claim(metric: Metric, quantity: Quantity, scale: float, run: Run, machine: Machine) -> AppliedTolerance | None:
+    """The engine's own, carried from Table I to this machine."""
+    of, step = (run.engine, run.preset, metric.name, metric.subject, machine.mechanism), _step(run)
+    if machine.table_one:
+        stated = tolerance_for(*of, step, table_one=True)
+        return stated and AppliedTolerance(stated.value * _share(stated, metric, machine), "claim", stated.reason)
+    scales, usual, mechanism = _table_one()
+    stated = tolerance_for(*of, step and step * scales.time / machine.scales.time, table_one=False)
+    if stated is None:
+        return None
+    part = stated.value if stated.stated.per else stated.value / _largest_scale(quantity, scales, mechanism)
+    stretched = max(1.0, machine.stretching / usual)
+    reason = (
+        stated.reason if stretched == 1.0 else f"{stated.reason}; times {stretched:.3g} for the motion's stretching"
+    )
+    return AppliedTolerance(part * scale * stretched, "claim", reason)
+
+
+def _share(stated: StatedTolerance, metric: Metric, machine: Machine) -> float:
+    """What a tolerance is stated `per`: the stop's torque at the start, or its largest; else 1."""
+    if not stated.stated.per or metric.subject is None:
         return 1.0
     start = machine.start_torques.get(metric.subject, 0.0)
-    # A rest that never pushes has no torque of its own to measure by: then the largest of any stop.
-    peak = peaks.get(metric.subject, 0.0) or max(peaks.values(), default=0.0)
-    return start if stated.per == "start" and start > 0 else peak
+    return start if stated.stated.per == "start" and start > 0 else machine.scales.torques[metric.subject]
+
+
+def _largest_scale(quantity: Quantity, scales: Scales, mechanism: Mechanism) -> float:
+    """Of a quantity on a mechanism; of stops that of the largest torque."""
+    subject = max(scales.torques, key=lambda name: scales.torques[name])
+    return quantity.scale_of(scales, subject, mechanism)

@@ -28,7 +28,9 @@ from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 from .metrics import measure
 from .runner import Runner, Worker, failure
+from .scales import Scales, scales_until
 from .store import Store, conditions
+from .until import Until
 
 GRID = 1000
 """Intervals of the common grid."""
@@ -65,12 +67,19 @@ class Deviation(Spec):
         return np.atleast_1d(np.array(np.nan if value is None else value, dtype=np.float64)).ravel()
 
 
-def deviation(trajectory: Trajectory, solution: Solution, end: float, reference: Trajectory | None = None) -> Deviation:
+def deviation(
+    trajectory: Trajectory,
+    solution: Solution,
+    end: float,
+    reference: Trajectory | None = None,
+    scales: Scales | None = None,
+) -> Deviation:
     """Set a trajectory beside the reference, at its own times, and interpolate the difference to the common grid.
 
     Args:
         end: end of the compared motion [s]; the trajectory should go on a little beyond it.
         reference: at the trajectory's times, where it is known already.
+        scales: of the reference motion up to the end, where they are known already.
     """
     reference = reference or solution.trajectory(trajectory.t)
     grid = np.linspace(0.0, end, GRID + 1)
@@ -83,7 +92,8 @@ def deviation(trajectory: Trajectory, solution: Solution, end: float, reference:
     }
     start = float(reference.total_energy[0])
     launch, expected = trajectory.launch(), solution.launch
-    metrics = {m.label: m.value for m in measure(trajectory, solution, end, reference) if m.value is not None}
+    measured = measure(trajectory, solution, end, reference, scales=scales)
+    metrics = {m.label: m.value for m in measured if m.value is not None}
     return Deviation(
         end=end,
         force_units={name: trajectory.mechanism.stop(name).force_unit for name in torques},
@@ -149,18 +159,25 @@ class Trials:
         mechanism: the machine; it must launch.
         worker: the process to run in; None: this one. Its owner closes it.
         store: where trials are kept as JSON; None: only in memory.
+        until: end of the compared motion; None: the launch.
         curves: keep the deviations as functions of time; without them a trial is its metrics alone, and small.
 
     Raises:
-        InputError: the machine's reference does not launch.
+        InputError: the end is not valid, or does not come.
     """
 
     def __init__(
-        self, mechanism: Mechanism, worker: Worker | None = None, store: Store | None = None, *, curves: bool = True
+        self,
+        mechanism: Mechanism,
+        worker: Worker | None = None,
+        store: Store | None = None,
+        *,
+        curves: bool = True,
+        until: Until | None = None,
     ) -> None:
-        self.runner = Runner(mechanism, worker)
-        self.runner.refuse_no_launch()
+        self.runner = Runner(mechanism, worker, until or Until())
         self.mechanism, self.solution, self.end = mechanism, self.runner.solution, self.runner.end
+        self._scales = scales_until(self.solution, self.end)
         self._store, self._curves = store, curves
         self._known: dict[str, Trial] = {}
 
@@ -202,7 +219,7 @@ class Trials:
         )
         try:
             run = self.runner.simulate(engine, given)
-            measured = deviation(run, self.solution, self.end, self.runner.reference(run.t))
+            measured = deviation(run, self.solution, self.end, self.runner.reference(run.t), self._scales)
         except Exception as error:
             return base.model_copy(update={"message": failure(error)[1]})
         took = run.provenance

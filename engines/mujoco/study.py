@@ -174,15 +174,13 @@ _OPTION_SETS = (
 
 _NEED = "second order once releases are located, softness scaled with the step"
 _SOFT_CONTACT = "(1 - impedance) x step: a contact's softness lags a changing force by up to a step"
-_STOCK = "default soft limits: millimetres, whatever the step"
 _TOLERANCES = (
-    Tolerance("tuned", "position_max", 1e-7, 1e-3, 2, _NEED, subject="projectile"),
+    Tolerance("tuned", "position_max", 1e-7, 1e-3, 2, _NEED),
     Tolerance("tuned", "release_time", 1e-8, 1e-3, 2, _NEED, on_points=False),
     Tolerance("tuned", "release_time", 1e-7, 1e-3, 1, _SOFT_CONTACT, on_points=True),
     Tolerance("tuned", "launch_speed", 3e-7, 1e-3, 2, _NEED),
     Tolerance("tuned", "stop_torque_max", 1e-6, 1e-3, 2, _NEED, per="start"),
-    Tolerance("tuned", "energy_drift", 1e-9, 1e-3, 2, _NEED),
-    Tolerance("stock", "position_max", 1e-2, 1e-3, 2, _STOCK, subject="projectile"),
+    Tolerance("tuned", "energy_balance", 2e-4, 1e-3, 2, f"1e-9 of the energy at the start; {_NEED}"),
 )
 
 

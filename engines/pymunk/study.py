@@ -110,14 +110,12 @@ _OPTION_SETS = (
 )
 
 _NEED = "second order: leapfrog read at its own times"
-_STOCK = "first order: positions and speeds half a step apart, joints drift by error_bias"
 _TOLERANCES = (
-    Tolerance("tuned", "position_max", 2e-3, 1e-3, 2, _NEED, subject="projectile", model="fixed"),
-    Tolerance("tuned", "position_max", 3e-3, 1e-3, 2, _NEED, subject="projectile"),
-    Tolerance("tuned", "position_max", 2.5e-5, 1e-4, 2, _NEED, subject="projectile"),
+    Tolerance("tuned", "position_max", 2e-3, 1e-3, 2, _NEED, model="fixed"),
+    Tolerance("tuned", "position_max", 3e-3, 1e-3, 2, _NEED),
+    Tolerance("tuned", "position_max", 2.5e-5, 1e-4, 2, _NEED),
     Tolerance("tuned", "stop_torque_max", 1e-4, 1e-3, 2, _NEED, per="peak"),
     Tolerance("tuned", "release_time", 1e-5, 1e-3, 2, _NEED),
-    Tolerance("stock", "position_max", 5e-1, 1e-3, 1, _STOCK, subject="projectile"),
 )
 
 

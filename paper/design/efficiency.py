@@ -385,7 +385,7 @@ def _by_engine(
 
 
 def _distance(run: Run) -> EngineValue:
-    if run.outcome not in (Outcome.OK, Outcome.BROKEN):
+    if run.outcome not in (Outcome.AGREES, Outcome.DISAGREES):
         return EngineValue(engine=run.engine, value=None, note=run.message)
     errors = [metric for metric in run.metrics if metric.name == "position_max" and metric.value is not None]
     tolerance = next((metric.tolerance for metric in errors if metric.subject == PROJECTILE), None)

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
 from ...comparisons.runs.runner import Worker, failure
-from ...comparisons.runs.tolerances import AppliedTolerance, is_table_one, tolerance_for
+from ...comparisons.runs.tolerances import StatedTolerance, is_table_one, tolerance_for
 from ...engines.protocol import Engine
 from ...engines.registry import engine
 from ...models.arrays import FloatArray
@@ -36,7 +36,7 @@ from ...reference.certification.quantities import PointState
 from ...reference.solver import solve
 from ...reference.throw.release import Projectile
 from .claims import EngineValue
-from .quantities import BEND, LAUNCH_TIME, TOTAL_ENERGY, Readings, ThrowQuantity, read
+from .quantities import BEND, LAUNCH_TIME, Readings, ThrowQuantity, read
 
 _DEGREE = 5  # error ~ step^6: far below that of any engine, at the steps they are run with
 _CROWDED = 0.5  # of the median step: samples closer than this (a release inside a step) unsettle a spline
@@ -161,13 +161,11 @@ def _direct(engine: Engine, mechanism: Mechanism, quantity: ThrowQuantity, ours:
     tolerance = None if quantity.metric is None else _applied(engine, quantity.metric, mechanism)
     if tolerance is None:
         return None
-    if quantity.metric == "energy_drift":
-        return tolerance.value * abs(ours.get(TOTAL_ENERGY, math.nan))
     # 'per peak' is met at the start here: a closed stop's torque is largest there, or larger later.
     return tolerance.value * (abs(ours[quantity]) if tolerance.stated.per else 1.0)
 
 
-def _applied(engine: Engine, metric: str, mechanism: Mechanism, subject: str | None = None) -> AppliedTolerance | None:
+def _applied(engine: Engine, metric: str, mechanism: Mechanism, subject: str | None = None) -> StatedTolerance | None:
     """The tolerance of the tuned preset at the engine's own step."""
     table_one = is_table_one(mechanism)
     return tolerance_for(engine.name, "tuned", metric, subject, mechanism, engine.timestep, table_one=table_one)

@@ -160,7 +160,7 @@ FASTEST_DELAY = ThrowQuantity("fastest after longest range", "s")
 # The arm's stop, and what should not change at all.
 ARM_ARRIVAL, ARM_DELAY = ThrowQuantity("arm at its stop", "s"), ThrowQuantity("arm at its stop after launch", "s")
 FIRST_BLOW = ThrowQuantity("arm stop acts", "s", StopLaw.UNILATERAL)
-ENERGY_DRIFT = ThrowQuantity("energy drift", "J", metric="energy_drift", follows_position=False)
+ENERGY_DRIFT = ThrowQuantity("energy drift", "J", metric="energy_balance", follows_position=False)
 BEND = ThrowQuantity("bend before the first release", "rad")
 """Largest gap of the stops that are closed at the start, before the first of them opens."""
 

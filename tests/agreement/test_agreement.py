@@ -40,7 +40,7 @@ def _trajectory(engine_name: str, model: str, preset: str) -> tb.Trajectory:
 @pytest.mark.parametrize("model", ALL_MODELS)
 def test_named_machines_agree(engine_name: str, model: str, preset: str) -> None:
     run = _run(engine_name, model, preset)
-    assert run.outcome is Outcome.OK, "\n".join([run.message or "", *complaints(run)])
+    assert run.outcome is Outcome.AGREES, "\n".join([run.message or "", *complaints(run)])
 
 
 def test_no_stated_need_is_idle(engine_name: str) -> None:
@@ -115,7 +115,7 @@ def test_joint_forces_are_near(engine_name: str, model: str) -> None:
 def test_random_machines_agree(engine_name: str, parameters: tb.TrebuchetParameters, model: str) -> None:
     comparison = tb.compare([model], [engine_name], ["tuned"], parameters=parameters, isolate=False)
     (run,) = comparison.results.runs
-    assert run.outcome is Outcome.OK, "\n".join([run.message or "", *complaints(run)])
+    assert run.outcome is Outcome.AGREES, "\n".join([run.message or "", *complaints(run)])
 
 
 @pytest.mark.parametrize("model", MODELS)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.compare.report import QUANTITIES
+from trebucheck.comparisons.compare.report import quantities
 from trebucheck.models.machines.registry import models
 from trebucheck.paper.report import summary
 from trebucheck.paper.study import study
@@ -38,8 +38,9 @@ def test_table(engine_name: str) -> None:
     shown = [run for run in results.runs if run.model in ("fixed", "rolling") or run.preset == "tuned"]
     assert [(model, row[0]) for model, row in rows] == [(run.model, run.label) for run in shown]
     for model, row in rows:
+        machine = next(machine for machine in results.machines if machine.model == model)
         run = next(run for run in results.runs if (run.model, run.label) == (model, row[0]))
-        for column, printed in zip(QUANTITIES, row[2:], strict=True):
+        for column, printed in zip(quantities(machine), row[2:], strict=True):
             found = column.value(run)
             if not printed:
                 assert found is None  # a machine without stops has no torque

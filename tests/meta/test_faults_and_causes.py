@@ -12,7 +12,7 @@ from faulty import TABLE_ONE, Fault, body, parameters, run_with, without
 from trebucheck.comparisons.compare.report import diagnosis
 from trebucheck.comparisons.runs.results import Outcome
 
-GATE, MOTION = Outcome.UNEQUAL, Outcome.BROKEN
+GATE, MOTION = Outcome.NOT_EQUIVALENT, Outcome.DISAGREES
 
 
 def _thousandth(name: str) -> Fault:
@@ -81,8 +81,8 @@ def test_a_fault_is_caught_and_named(fault: Fault, model: str, monkeypatch: pyte
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk", "exudyn"])
 def test_what_has_no_fault_is_not_flagged(engine: str, model: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same way in, nothing spoilt."""
-    run = run_with(Fault("none", Outcome.OK, "", {"reading": lambda t: t}, engine=engine), model, monkeypatch)
-    assert run.outcome is Outcome.OK and run.diagnosis is None
+    run = run_with(Fault("none", Outcome.AGREES, "", {"reading": lambda t: t}, engine=engine), model, monkeypatch)
+    assert run.outcome is Outcome.AGREES and run.diagnosis is None
     assert run.equality is not None and run.equality.exposed
 
 

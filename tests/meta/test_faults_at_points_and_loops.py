@@ -10,7 +10,7 @@ from faulty import Fault, run_with, tilted_slot, tilted_wall, without, without_j
 from trebucheck.comparisons.compare.report import diagnosis
 from trebucheck.comparisons.runs.results import Outcome
 
-GATE, MOTION = Outcome.UNEQUAL, Outcome.BROKEN
+GATE, MOTION = Outcome.NOT_EQUIVALENT, Outcome.DISAGREES
 MILLIMETRE = MILLIRADIAN = 1e-3
 
 

@@ -163,7 +163,7 @@ def test_a_broken_tolerance_is_exit_code_1(
     shown = re.sub(r"\s+", " ", capsys.readouterr().out)
     assert "Agreement does not hold" in shown
     assert "fixed, reference stock: launch_speed" in shown
-    assert "tolerance broken" in (tmp_path / "report.html").read_text()
+    assert "disagrees" in (tmp_path / "report.html").read_text()
 
 
 def test_run_writes_a_trajectory(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -289,6 +289,7 @@ def test_fitting_steps_are_hardly_shortened(asked: float) -> None:
     assert shortening(step) < 0.2 * max(shortening(asked * f) for f in (0.981, 0.993, 1.0, 1.007, 1.019))
 
 
+@pytest.mark.usefixtures("third_party")
 @pytest.mark.parametrize("step", [4e-3, 5e-4])
 def test_durations_are_those_of_trials(step: float, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[float] = []
@@ -298,7 +299,6 @@ def test_durations_are_those_of_trials(step: float, monkeypatch: pytest.MonkeyPa
         return tb.engine("reference", timestep=5e-3).simulate(problem)
 
     monkeypatch.setattr(plugins.Echo, "simulate", simulate)
-    monkeypatch.setattr("trebucheck.comparisons.runs.trials.engine_class", lambda _: plugins.Echo)
     trials = Trials(tb.fixed())
     trials.trial(plugins.Echo(timestep=step))
     assert asked[-1] == run_duration(trials.end, step)

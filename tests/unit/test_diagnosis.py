@@ -113,7 +113,7 @@ def test_an_error_grows_towards_the_launch(build: Build) -> None:
 def test_a_diagnosis_reads_as_a_sentence() -> None:
     cause = Cause(name="g (gravity)", kind="machine", amount="+0.1 %", explained=0.9999)
     found = Diagnosis(leads="launch_speed", parts_at=1.25, holding=("sling rest",), causes=(cause,), likeliest=1)
-    run = Run(model="m", engine="e", preset="tuned", outcome=Outcome.BROKEN, engine_version="1", diagnosis=found)
+    run = Run(model="m", engine="e", preset="tuned", outcome=Outcome.DISAGREES, engine_version="1", diagnosis=found)
     (sentence,) = diagnosis(run)
     assert "t = 1.25 s, while sling rest held" in sentence
     assert "Likeliest: g (gravity) (+0.1 %): 100.0 % of it" in sentence
@@ -129,6 +129,6 @@ def test_a_gate_that_fails_ends_the_run_and_not_the_report(monkeypatch: pytest.M
     monkeypatch.setattr(studying, "engine", lambda *a, **o: Faulty(make(*a, **o), machine=parameters(g=9.8)))
     results = tb.compare(["fixed"], ["reference"], ["tuned"], isolate=False).results
     (run,) = results.runs
-    assert run.outcome is Outcome.UNEQUAL and not results.passed
+    assert run.outcome is Outcome.NOT_EQUIVALENT and not results.passed
     assert not run.metrics and run.message and "before any motion" in run.message
     assert run.diagnosis and run.diagnosis.causes[0].name.startswith("g (gravity)")

@@ -30,9 +30,9 @@ ANOTHER: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
 }
 
 
-def _study(folder: Path, duration: float | None = 0.5) -> Study:
+def _study(folder: Path, until: float | None = 0.5) -> Study:
     store = Store(folder / "trajectories", True, folder / "runs")
-    return Study(["fixed"], ["reference"], ["tuned"], duration=duration, store=store, isolate=False)
+    return Study(["fixed"], ["reference"], ["tuned"], until=until, store=store, isolate=False)
 
 
 def _again(folder: Path) -> tuple[Comparison, tuple[int, int]]:

@@ -1,0 +1,93 @@
+"""The quantities of a comparison: what each metric measures, in which scale, and what a user calls it.
+
+A quantity that follows from another one (a mean square beside its largest value) has no verdict of its own: counting
+one fact twice would make an agreement look broader than it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ...models.errors import InputError
+from ...models.mechanism import Mechanism
+from .scales import Scales
+
+_NUMBER = 1.0
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One metric."""
+
+    name: str
+    """Of the metric in results."""
+    title: str
+    """What users call it, in `--tolerance` as well."""
+    scale: str
+    """Field of :class:`Scales`; 'stop' for that of the stop it is about, 'gap' for its gap's, '' for none."""
+    follows: str | None = None
+    """Metric from which it follows, and which is judged in its place."""
+    event: bool = False
+    """It is the time of an event."""
+
+    def scale_of(self, scales: Scales, subject: str | None, mechanism: Mechanism) -> float:
+        """What parts of it are measured in, in the metric's unit."""
+        if self.scale == "stop":
+            assert subject is not None
+            return scales.torques[subject]
+        if self.scale == "gap":
+            assert subject is not None
+            return scales.angle if mechanism.stop(subject).gap_unit == "rad" else scales.length
+        if self.scale == "momentum":
+            return scales.mass * scales.speed
+        return float(getattr(scales, self.scale)) if self.scale else _NUMBER
+
+
+_ALL = (
+    Quantity("position_max", "position", "length"),
+    Quantity("position_rms", "position (mean square)", "length", follows="position_max"),
+    Quantity("velocity_max", "speed", "speed"),
+    Quantity("angle_max", "angle", "angle"),
+    Quantity("slide_max", "slide", "length"),
+    Quantity("angular_speed_max", "angular-speed", "angular_speed"),
+    Quantity("slide_speed_max", "slide-speed", "speed"),
+    Quantity("launch_time", "launch-time", "time", event=True),
+    Quantity("launch_speed", "launch-speed", "speed"),
+    Quantity("release_time", "release", "time", event=True),
+    Quantity("impact_time", "impact", "time", event=True),
+    Quantity("stop_torque_max", "stop-torque", "stop"),
+    Quantity("stop_torque_settled", "stop-torque (away from releases)", "stop", follows="stop_torque_max"),
+    Quantity("stop_impulse", "stop-impulse", "", follows="stop_torque_max"),
+    Quantity("joint_reaction_max", "reaction", "force"),
+    Quantity("joint_reaction_relative", "reaction (relative)", "", follows="joint_reaction_max"),
+    Quantity("kinetic_energy_max", "kinetic-energy", "energy"),
+    Quantity("potential_energy_max", "potential-energy", "energy"),
+    Quantity("energy_balance", "energy", "energy"),
+    Quantity("energy_drift", "energy (of the start's)", "", follows="energy_balance"),
+    Quantity("energy_drift_kinetic", "energy (of the kinetic)", "", follows="energy_balance"),
+    Quantity("horizontal_momentum", "momentum", "momentum"),
+    Quantity("stop_gap_held", "stop-gap", "gap"),
+    Quantity("stop_penetration", "penetration", "gap"),
+    Quantity("complementarity", "complementarity", "gap", follows="stop_penetration"),
+    Quantity("joint_gap_max", "joint-gap", "length"),
+    Quantity("missing_time", "duration", "time"),
+)
+
+QUANTITIES: Mapping[str, Quantity] = {quantity.name: quantity for quantity in _ALL}
+"""By name of the metric."""
+
+JUDGED: Mapping[str, Quantity] = {quantity.title: quantity for quantity in _ALL if quantity.follows is None}
+"""By title: those that a tolerance can be stated for."""
+
+
+def judged_quantity(title: str) -> Quantity:
+    """The quantity of that title, or of that metric's name.
+
+    Raises:
+        InputError: there is none, or it has no verdict of its own.
+    """
+    quantity = JUDGED.get(title) or QUANTITIES.get(title)
+    if quantity is None or quantity.follows is not None:
+        raise InputError(f"tolerance {title[:60]!r} is not of a judged quantity; there are: {', '.join(JUDGED)}.")
+    return quantity

@@ -1,0 +1,112 @@
+"""The scales of a compared motion: what differences are measured in parts of, so that no unit and no size counts.
+
+Lengths are parts of the mechanism's size, times of its characteristic time, speeds and forces of the largest ones of
+the reference, energies of what the motion exchanges: an energy has an arbitrary zero, its change has none. Each scale
+has a least value, so that a mechanism at rest, or a joint without load, can be judged as well.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from pydantic import Field
+
+from ...models.arrays import FloatArray
+from ...models.kinematics import Kinematics
+from ...models.mechanism import Body, Mechanism
+from ...models.spec import NonNegative, Positive, Spec
+from ...models.trajectory import Trajectory
+from ...reference.solution import Solution
+
+_SAMPLES = 2001
+_LEAST = 1e-6
+"""Least speed and force in parts of those that gravity gives: of a swing of a thousandth of a degree."""
+_LEAST_ENERGY = 1e-9
+"""Least energy in parts of the energies that are added: a thousandth of it is well above their rounding."""
+_LEAST_TORQUE = 1e-3
+"""Least torque of a stop in parts of the largest force times the size: what a stop is held to that never pushes."""
+
+
+class Scales(Spec):
+    """Of one mechanism and its reference motion up to the end of what is compared."""
+
+    length: Positive = Field(description="sum of the bodies' lengths [m]")
+    angle: Positive = Field(default=1.0, description="[rad]")
+    time: Positive = Field(description="characteristic time: length over speed, or sqrt(length / gravity) if less [s]")
+    speed: Positive = Field(description="largest of any centre of mass or marker [m/s]")
+    angular_speed: Positive = Field(description="largest of any body, or speed over length if more [rad/s]")
+    mass: Positive = Field(description="of all bodies [kg]")
+    force: Positive = Field(description="largest force of any joint or of a stop on a point [N]")
+    torques: dict[str, Positive] = Field(description="largest of each stop [N m, or N of one on a point]")
+    energy: Positive = Field(description="largest kinetic energy plus largest change of potential energy [J]")
+    largest_energy: NonNegative = Field(description="largest kinetic and potential energies, whatever their zero [J]")
+
+
+def size(mechanism: Mechanism) -> float:
+    """Sum of the bodies' lengths [m]: from a body's joint in the tree to its farthest point, or radius of gyration."""
+    return sum(extent(mechanism, body) for body in mechanism.bodies)
+
+
+def extent(mechanism: Mechanism, body: Body) -> float:
+    """Length of a body [m], as in :func:`size`."""
+    pivot = mechanism.joint_of(body.name).child_point
+    points = [body.centre, *(m.point for m in mechanism.markers if m.body == body.name)]
+    points += [j.parent_point for j in mechanism.joints if j.parent == body.name]
+    points += [j.child_point for j in mechanism.joints if j.child == body.name]
+    points += [s.point for s in mechanism.point_stops if s.body == body.name]
+    return max(math.sqrt(body.inertia / body.mass), *(math.dist(pivot, point) for point in points))
+
+
+def scales_until(solution: Solution, end: float) -> Scales:
+    """Of a reference motion up to the end [s] of what is compared."""
+    reference = solution.trajectory(np.linspace(0.0, end, _SAMPLES))
+    mechanism = reference.mechanism
+    mass, gravity = sum(body.mass for body in mechanism.bodies), mechanism.gravity
+    length = size(mechanism) or 1.0
+    least = _LEAST * max(math.sqrt(gravity * length), length / end)
+    speed = max(_largest_speed(reference), least)
+    times = [length / speed, *([math.sqrt(length / gravity)] if gravity else [])]
+    least_force = _LEAST * mass * max(gravity, speed**2 / length)
+    force = max(_largest_force(reference), least_force)
+    kinetic = float(reference.kinetic_energy.max())
+    exchanged = float(np.ptp(reference.potential_energy))
+    energies = np.abs(reference.kinetic_energy).max() + np.abs(reference.potential_energy).max()
+    return Scales(
+        length=length,
+        time=min(times),
+        speed=speed,
+        angular_speed=max(_largest_turn(reference), speed / length),
+        mass=mass,
+        force=force,
+        torques={name: _torque_scale(mechanism, name, t, force, length) for name, t in reference.stop_torques.items()},
+        energy=max(kinetic + exchanged, _LEAST_ENERGY * (energies + mass * gravity * length), 0.5 * mass * least**2),
+        largest_energy=float(energies + mass * gravity * length),
+    )
+
+
+def _largest_speed(reference: Trajectory) -> float:
+    kinematics = Kinematics(reference.mechanism)
+    rows = [kinematics.point(body.name, body.centre) for body in reference.mechanism.bodies]
+    velocities = [kinematics.velocity(row, reference.q, reference.u) for row in rows]
+    velocities += [marker.velocity for marker in reference.markers.values()]
+    return max(_norm(velocity) for velocity in velocities)
+
+
+def _largest_turn(reference: Trajectory) -> float:
+    return float(np.abs(reference.u[:, : len(reference.mechanism.bodies)]).max())
+
+
+def _largest_force(reference: Trajectory) -> float:
+    forces = [_norm(force) for force in reference.joint_reactions.values()]
+    on_points = [stop.name for stop in reference.mechanism.point_stops]
+    return max([*forces, *(float(np.abs(reference.stop_torques[name]).max()) for name in on_points)], default=0.0)
+
+
+def _norm(vectors: FloatArray) -> float:
+    return float(np.linalg.norm(vectors, axis=-1).max())
+
+
+def _torque_scale(mechanism: Mechanism, name: str, torque: FloatArray, force: float, length: float) -> float:
+    arm = length if mechanism.stop(name).effort == "torque" else 1.0
+    return max(float(np.abs(torque).max()), _LEAST_TORQUE * force * arm)

@@ -1,0 +1,69 @@
+"""How far the reference itself is known, for every metric: from its certificate, else by a coarser integration."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...models.problem import Problem
+from ...reference.certification.certificate import Uncertainties, certified, load_certificate
+from ...reference.solution import Solution
+from ...reference.solver import solve
+from .metrics import measure
+from .quantities import QUANTITIES
+from .results import Metric
+from .scales import Scales
+
+_COARSE = 1e-12  # tolerance of the second integration: some thirty times the reference's own
+_SAFETY = 4.0
+_ROUNDING = 64 * float(np.finfo(np.float64).eps)
+_SAMPLES = 60
+
+
+def reference_uncertainties(
+    solution: Solution, end: float, scales: Scales, thrown: str, invariants_to: float | None = None
+) -> Uncertainties:
+    """Uncertainty of the reference in each metric, in its unit, by its label; the largest of all subjects by its name.
+
+    The coarser integration is measured as any engine is. Its distance is about its own error, thirty times that of the
+    reference unless they agree by chance: hence four times the distance, and sixty-four roundings of the scale. What a
+    certificate says of its quantities, up to the launch, replaces that.
+
+    Args:
+        end: of the compared motion [s].
+        scales: of the motion up to there.
+        thrown: marker whose launch is measured.
+        invariants_to: end of what invariants are compared over [s].
+    """
+    estimated = _estimated(solution, end, scales, thrown, invariants_to)
+    certificate, launch = load_certificate(solution.problem.mechanism), solution.launch
+    if certificate is None or launch is None or (invariants_to or end) > launch.time * (1 + 1e-9):
+        return Uncertainties(source="estimate", values=estimated)
+    known = certified(certificate).values
+    kept = {label: value for label, value in estimated.items() if label.split(" (")[0] not in known}
+    return Uncertainties(source="certificate", values=kept | known)
+
+
+def _estimated(
+    solution: Solution, end: float, scales: Scales, thrown: str, invariants_to: float | None
+) -> dict[str, float]:
+    problem, until = solution.problem, invariants_to or end
+    margin = min(problem.duration, until * 1.02)  # so that the coarser one's events lie inside, too
+    coarse = solve(Problem(problem.mechanism, duration=margin, stop_law=problem.stop_law), _COARSE, _COARSE)
+    samples = np.unique(np.concatenate([np.linspace(0.0, until, _SAMPLES), [end]]))
+    metrics = measure(
+        coarse.trajectory(samples[samples <= margin]), solution, end,
+        scales=scales, thrown=thrown, invariants_to=invariants_to,
+    )  # fmt: skip
+    values: dict[str, float] = {}
+    for metric in metrics:
+        value = _SAFETY * abs(metric.value or 0.0) + _rounding(metric, scales, solution)
+        values[metric.label] = value
+        values[metric.name] = max(values.get(metric.name, 0.0), value)
+    return values
+
+
+def _rounding(metric: Metric, scales: Scales, solution: Solution) -> float:
+    quantity = QUANTITIES[metric.name]
+    if quantity.scale == "energy":
+        return _ROUNDING * scales.largest_energy
+    return _ROUNDING * quantity.scale_of(scales, metric.subject, solution.problem.mechanism)
