@@ -17,7 +17,7 @@ $(VENV)/installed: $(SOURCES) constraints.txt
 	touch $@
 
 report: $(VENV)/installed
-	$(BIN)/trebucheck compare --out report
+	$(BIN)/trebucheck compare --out report || test $$? -eq 1  # 1: some run disagrees, as stock presets do; the report says which
 	@test -n "$$CI$$SSH_CONNECTION" || $(OPEN) report/report.html >/dev/null 2>&1 || true
 
 test: $(VENV)/installed

@@ -237,7 +237,7 @@ class _MachineRuns:
         self._parts = (mechanism.content_hash, repr(study.end), repr(study.needs), study.law.value)
         """Of the conditions under which a record is used again: whatever decides its content must be among them."""
         self._kept = self.store.record(mechanism.name, _MachineRecord, conditions(*self._parts)) if self.store else None
-        self.machine = self._kept.machine if self._kept else _machine_row(self.runner, self._needs)
+        self.machine = self._kept.machine if self._kept else machine_row(self.runner, self._needs)
         self.repeated = self._kept is not None
 
     def simulated(self, case: Case, engine: Engine) -> _RunRecord | _Simulated:
@@ -361,7 +361,8 @@ class _MachineRuns:
         return pair_of(self.machine.model, (first, second), self._compared[first], self._compared[second], end)
 
 
-def _machine_row(runner: Runner, needs: Needs) -> Machine:
+def machine_row(runner: Runner, needs: Needs) -> Machine:
+    """A machine as compared: the reference's figures, its scales and how far it is known."""
     mechanism, solution, end = runner.mechanism, runner.solution, runner.end
     launch = solution.launch_at(LAUNCH_ANGLE, runner.until.thrown)
     uncertainties = runner.uncertainties

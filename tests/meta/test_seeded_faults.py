@@ -8,51 +8,40 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import plugins
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.runs.metrics import measure
+from trebucheck.comparisons.compare.study import machine_row
 from trebucheck.comparisons.runs.results import Machine, Metric, Outcome, Run
-from trebucheck.comparisons.runs.tolerances import judge
-from trebucheck.reference.solver import solve
+from trebucheck.comparisons.runs.runner import Runner
+from trebucheck.comparisons.runs.tolerances import Needs, judge
 
 P = tb.TrebuchetParameters
 TABLE_ONE = P()
 
 
-def _machine(mechanism: tb.Mechanism, torques: dict[str, float], end: float) -> Machine:
-    return Machine(
-        model=mechanism.name,
-        mechanism=mechanism,
-        mechanism_hash=mechanism.content_hash,
-        table_one=True,
-        compared_to=end,
-        launch_time=end,
-        launch_speed=None,
-        impacts=0,
-        release_times={},
-        start_torques=torques,
-    )
+@cache
+def _compared(build: Callable[..., tb.Mechanism]) -> tuple[Runner, Machine]:
+    runner = Runner(build())
+    return runner, machine_row(runner, Needs())
 
 
 def _judged(trajectory: tb.Trajectory, build: Callable[..., tb.Mechanism]) -> list[Metric]:
     """Metrics that break the bars of mujoco tuned at 1e-3 s."""
-    solution = solve(tb.Problem(build(), duration=3.0))
-    assert solution.launch is not None
-    end = solution.launch.time
-    start = {name: float(torque[0]) for name, torque in solution.motion(np.zeros(1)).stop_torques.items()}
+    runner, machine = _compared(build)
     run = Run(
         model=build().name,
         engine="mujoco",
         preset="tuned",
-        outcome=Outcome.AGREES,
+        outcome=Outcome.NOT_JUDGED,
         engine_version="-",
         settings={"timestep": 1e-3},
-        metrics=measure(trajectory, solution, end),
+        metrics=runner.measured(trajectory),
     )
-    return [m for m in judge(run, _machine(build(), start, end), start) if m.holds is False]
+    return [m for m in judge(run, machine) if m.holds is False]
 
 
 def _moved_by(mechanism: tb.Mechanism, **problem: object) -> tb.Trajectory:
