@@ -35,7 +35,7 @@ from ..models.arrays import FloatArray
 from ..models.errors import InputError
 from ..models.kinematics import initial_state
 from ..models.problem import Problem, StopLaw
-from .equations import Equations, kkt_matrix
+from .equations import Equations
 
 REST_SPEED = 1e-6  # [rad/s]
 TOGETHER = 1e-9  # [s]
@@ -89,7 +89,7 @@ def resolve_impact(
     rows = gap_jacobian(equations, q, touching)
     matrix, _ = _delassus(equations, q, u, touching)
     impulses = solve_lcp(matrix, (1.0 + restitution) * (rows @ u))
-    after = u + _response(equations, q, rows.T @ impulses)
+    after = u + equations.response(q, rows.T @ impulses)
     return after, dict(zip(touching, impulses.tolist(), strict=True))
 
 
@@ -104,15 +104,8 @@ def _delassus(
     """G M^{-1} G^T and the gap accelerations without the stops, both with the loop joints."""
     rows = gap_jacobian(equations, q, touching)
     free = equations.solve(q, u, ())[0]
-    response = np.array([_response(equations, q, row) for row in rows])
+    response = np.array([equations.response(q, row) for row in rows])
     return rows @ response.T, rows @ free + equations.constraint_bias(q, u, touching)[equations.n_loops :]
-
-
-def _response(equations: Equations, q: FloatArray, force: FloatArray) -> FloatArray:
-    """Accelerations (or speed jumps) that a generalized force (or impulse) alone causes, with the loop joints."""
-    kkt = kkt_matrix(equations.mass_matrix(q), equations.constraint_jacobian(q, ()))
-    right = np.concatenate([force, np.zeros(len(kkt) - len(q))])
-    return np.asarray(np.linalg.solve(kkt, right)[: len(q)], dtype=np.float64)
 
 
 @dataclass(frozen=True)

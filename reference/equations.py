@@ -7,7 +7,9 @@ bodies' centres C, one Hermitian matrix H_ij = conj(w_i) K_ij w_j holds everythi
     b(q,u) = Im(H) (s u^2),  s = 1 on angles   centrifugal forces, on the left: M a + b = Q + G^T lam
     Q(q)   = Re(conj(w) (C^H m) (-i g))        gravity
 
-Constraints (closed stops, loops of joints) enter by the index-1 form of KKT: G a = -gamma.
+Constraints (closed stops, loops of joints) enter by the index-1 form of KKT: G a = -gamma. Where some of them follow
+from the others (a beam on three parallel cranks), the accelerations are unique and the multipliers are not: those of
+least norm are taken (:mod:`.dependence`).
 
 Consistent initialisation: the nearest coordinates and speeds that fulfil the constraints. Gauss-Newton with the least
 step that removes the linearised residual, G(q) dq = -residual; speeds are projected onto the null space of G (e.g.
@@ -23,11 +25,14 @@ from functools import cached_property
 import numpy as np
 
 from ..models.arrays import ComplexArray, FloatArray
+from ..models.errors import SimulationError
 from ..models.kinematics import Kinematics
 from ..models.mechanism import Mechanism
+from .dependence import Basis, Scales, least_step, scales_of
 
 _ITERATIONS = 30  # from a slightly changed mechanism's start it takes three or four
 _FITS = 1e-14  # [rad or m] relative to the size of the coordinates
+_BESIDE, _POSITIONS = 1e-2, 3  # [rad; slides: of the largest length] distance and number of positions tried beside one
 
 
 class Equations:
@@ -48,6 +53,7 @@ class Equations:
         self._loops = np.array([row.coefficients for row in closures]).reshape(len(closures), len(self._angles))
         self._loop_offsets = np.array([row.offset for row in closures], dtype=np.complex128)
         self._gaps = self.kinematics.gaps
+        self._ranks: dict[tuple[str, ...], int] = {}
 
     @cached_property
     def n_loops(self) -> int:
@@ -116,13 +122,76 @@ class Equations:
         quadratic = self._quadratic(rates)
         mass = quadratic.real + self._inertias
         forces = self._forces(q, u, rates, quadratic)
-        n_q = q.shape[-1]
         if self.n_loops + len(closed) == 0:
-            return _solve(mass, forces), np.zeros((*q.shape[:-1], 0))
-        jacobian = self.constraint_jacobian(q, closed)
-        right = np.concatenate([forces, -self.constraint_bias(q, u, closed)], axis=-1)
-        solution = _solve(kkt_matrix(mass, jacobian), right)
-        return solution[..., :n_q], solution[..., n_q:]
+            return self._solved(mass, forces), np.zeros((*q.shape[:-1], 0))
+        jacobian, right = self.constraint_jacobian(q, closed), -self.constraint_bias(q, u, closed)
+        if (basis := self.basis(q, closed)) is not None:
+            a, reduced = self._constrained(mass, basis.rows @ jacobian, forces, _times(basis.rows, right))
+            return a, _times(np.swapaxes(basis.rows, -1, -2), reduced)
+        return self._constrained(mass, jacobian, forces, right)
+
+    def response(self, q: FloatArray, force: FloatArray) -> FloatArray:
+        """Accelerations (or speed jumps) that a generalized force (or impulse) alone causes, with the loop joints.
+
+        Args:
+            q, force: of one state, shape (n_q,).
+        """
+        jacobian, basis = self.constraint_jacobian(q, ()), self.basis(q, ())
+        rows = jacobian if basis is None else basis.rows @ jacobian
+        return self._constrained(self.mass_matrix(q), rows, force, np.zeros(len(rows)))[0]
+
+    def basis(self, q: FloatArray, closed: Sequence[str]) -> Basis | None:
+        """Independent combinations of the constraints in states (..., n_q); None where all are independent.
+
+        Raises:
+            SimulationError: the first state is in a singular position (a four-bar with all its pins on one line), in
+                which fewer constraints are independent than beside it: accelerations are not unique there.
+        """
+        names = tuple(closed)
+        if names not in self._ranks:
+            self._ranks[names] = _rank_near(self, np.atleast_2d(q)[0], names)
+        if self._ranks[names] == self.n_loops + len(names):
+            return None
+        return self._scales(names).basis(self.constraint_jacobian(q, names), self._ranks[names])
+
+    def _scales(self, closed: Sequence[str]) -> Scales:
+        stops = [np.abs(self._gaps[name].coefficients) for name in closed]
+        inertia = np.diag(self._products).real + np.diag(self._inertias)
+        return scales_of(inertia, np.array([*np.abs(self._loops), *stops]).reshape(-1, len(inertia)))
+
+    def rank(self, q: FloatArray, closed: Sequence[str]) -> int:
+        """Number of independent constraints in one position, shape (n_q,)."""
+        return self._scales(closed).rank(self.constraint_jacobian(q, closed))
+
+    def is_singular(self, q: FloatArray, closed: Sequence[str]) -> bool:
+        """Whether fewer constraints are independent in one position (n_q,) than in those before it."""
+        if not self.n_loops:  # stops alone are as independent as they were: those on angles do not change
+            return False
+        return self.rank(q, closed) < self._ranks.get(tuple(closed), 0)
+
+    def rank_at_start(self, closed: Sequence[str]) -> int:
+        """Number of independent constraints of the loops, and of closed stops taken as independent."""
+        return self._loop_rank + len(closed)
+
+    @cached_property
+    def _loop_rank(self) -> int:
+        return _rank_near(self, np.array(self.mechanism.start), ()) if self.n_loops else 0
+
+    def _constrained(
+        self, mass: FloatArray, jacobian: FloatArray, forces: FloatArray, right: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Accelerations and multipliers of M a - G^T lam = f, G a = right."""
+        solution = self._solved(kkt_matrix(mass, jacobian), np.concatenate([forces, right], axis=-1))
+        return solution[..., : mass.shape[-1]], solution[..., mass.shape[-1] :]
+
+    def _solved(self, matrix: FloatArray, right: FloatArray) -> FloatArray:
+        try:
+            return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0], dtype=np.float64)
+        except np.linalg.LinAlgError:
+            raise SimulationError(
+                f"{self.mechanism.name!r} has no unique accelerations in a state it comes to: a body without inertia "
+                "about its joint, or a singular position, in which its constraints are dependent."
+            ) from None
 
 
 def kkt_matrix(mass: FloatArray, jacobian: FloatArray) -> FloatArray:
@@ -135,8 +204,8 @@ def kkt_matrix(mass: FloatArray, jacobian: FloatArray) -> FloatArray:
     return kkt
 
 
-def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0], dtype=np.float64)
+def _times(matrix: FloatArray, vector: FloatArray) -> FloatArray:
+    return (matrix @ vector[..., None])[..., 0]
 
 
 def consistent_coordinates(
@@ -153,17 +222,42 @@ def consistent_coordinates(
         Shape (n_q,); None if the iteration does not converge.
     """
     targets = np.zeros(len(closed)) if gaps is None else gaps
+    return _nearest(equations, q, closed, targets, equations.rank_at_start(closed))
+
+
+def _nearest(
+    equations: Equations, q: FloatArray, closed: Sequence[str], gaps: FloatArray, rank: int
+) -> FloatArray | None:
     for _ in range(_ITERATIONS):
-        open_by = np.array([float(equations.kinematics.gap(name, q)) for name in closed]) - targets
+        open_by = np.array([float(equations.kinematics.gap(name, q)) for name in closed]) - gaps
         residual = np.concatenate([np.atleast_1d(equations.loop_residual(q)), open_by])
         if np.abs(residual).max(initial=0.0) <= _FITS * (1 + np.abs(q).max()):
             return q
-        step = np.linalg.lstsq(equations.constraint_jacobian(q, closed), residual, rcond=None)[0]
-        q = np.asarray(q - step, dtype=np.float64)
+        q = q - least_step(equations.constraint_jacobian(q, closed), residual, rank)
     return None
 
 
 def consistent_speeds(equations: Equations, q: FloatArray, u: FloatArray, closed: Sequence[str]) -> FloatArray:
     """The speeds nearest to u that keep loops closed and the closed stops touching, shape (n_q,)."""
     jacobian = equations.constraint_jacobian(q, closed)
-    return u - np.linalg.lstsq(jacobian, jacobian @ u, rcond=None)[0] if len(jacobian) else u
+    return u - least_step(jacobian, jacobian @ u, equations.rank_at_start(closed)) if len(jacobian) else u
+
+
+def _rank_near(equations: Equations, q: FloatArray, closed: Sequence[str]) -> int:
+    """Number of independent constraints in the positions near q, shape (n_q,)."""
+    n_constraints = equations.n_loops + len(closed)
+    rank = equations.rank(q, closed)
+    if rank == n_constraints:
+        return rank
+    # Where constraints follow from others, whatever fulfils those others fulfils them, too.
+    random, angles = np.random.default_rng(1), equations.kinematics.is_angle > 0
+    size = _BESIDE * np.where(angles, 1.0, np.abs(equations.kinematics.centres[:, angles]).max(initial=0.0))
+    for _ in range(_POSITIONS):
+        guess = q + size * random.uniform(-1, 1, len(q))
+        if _nearest(equations, guess, closed, np.zeros(len(closed)), rank) is None:
+            names = (*(joint.name for joint in equations.mechanism.loop_joints), *closed)
+            raise SimulationError(
+                f"{equations.mechanism.name!r} is in a singular position: the constraints of {', '.join(names)} depend "
+                "on each other there and not beside it, so accelerations are not unique."
+            )
+    return rank

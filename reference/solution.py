@@ -14,10 +14,10 @@ from ..models.arrays import FloatArray, IndexArray
 from ..models.errors import InputError
 from ..models.kinematics import PointCoefficients
 from ..models.launch import LAUNCH_ANGLE, Launch, SmoothVelocity, first_launch, rest_opened
-from ..models.mechanism import SlotJoint
 from ..models.problem import Problem
 from ..models.trajectory import PointMotion, Provenance, Trajectory
 from .equations import Equations
+from .reactions import joint_reactions, undetermined_forces
 
 
 @dataclass(frozen=True)
@@ -102,34 +102,28 @@ class Solution:
         for body in mechanism.bodies:
             centre = kinematics.point(body.name, body.centre)
             needed[body.name] = body.mass * (kinematics.acceleration(centre, motion.q, motion.u, motion.a) + weight)
-        loops = self._loop_forces(motion)
-        for joint in mechanism.loop_joints:
-            needed[joint.child] = needed[joint.child] - loops[joint.name]
-            if joint.parent in needed:
-                needed[joint.parent] = needed[joint.parent] + loops[joint.name]
-        for stop in mechanism.point_stops:
-            if stop.body in needed:
-                push = motion.stop_torques[stop.name][:, None] * np.array(stop.normal)
-                needed[stop.body] = needed[stop.body] - push
-        tree = {
-            joint.name: np.sum([needed[body.name] for body in mechanism.subtree(joint.child)], axis=0)
-            for joint in mechanism.tree_joints
-        }
-        return tree | loops
+        return joint_reactions(mechanism, needed, motion.loop_multipliers, motion.stop_torques)
 
-    def _loop_forces(self, motion: Motion) -> dict[str, FloatArray]:
-        """Force of each loop joint on its child [N], from its multipliers."""
-        forces: dict[str, FloatArray] = {}
-        column = 0
-        for joint in self.problem.mechanism.loop_joints:
-            if isinstance(joint, SlotJoint):
-                normal = np.array([-joint.axis[1], joint.axis[0]])
-                forces[joint.name] = motion.loop_multipliers[:, column, None] * normal
-                column += 1
-            else:
-                forces[joint.name] = motion.loop_multipliers[:, column : column + 2]
-                column += 2
-        return forces
+    @property
+    def undetermined_joints(self) -> tuple[str, ...]:
+        """Joints whose forces are not unique, because constraints are redundant; those given have least norm."""
+        return self._undetermined[0]
+
+    @property
+    def undetermined_stops(self) -> tuple[str, ...]:
+        """Stops whose torques are not unique, as :attr:`undetermined_joints`."""
+        return self._undetermined[1]
+
+    @cached_property
+    def _undetermined(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        sets: list[tuple[tuple[str, ...], tuple[str, ...]]] = []
+        for segment in self.segments:
+            middle = np.asarray(segment.interpolant((segment.start + segment.end) / 2))
+            sets.append(undetermined_forces(self.equations, middle[: len(middle) // 2], segment.closed))
+        joints, stops = (
+            tuple(dict.fromkeys(name for names in kind for name in names)) for kind in zip(*sets, strict=True)
+        )
+        return joints, stops
 
     @cached_property
     def launch(self) -> Launch | None:

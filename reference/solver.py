@@ -180,7 +180,7 @@ def integrate_segment(
         The segment, its events, and the integrator as it stopped (its state is that of the last whole step).
 
     Raises:
-        SimulationError: as :class:`.integrator.Integrator`.
+        SimulationError: as :class:`.integrator.Integrator`, or a singular position is reached.
     """
     n_q = len(y) // 2
 
@@ -191,6 +191,11 @@ def integrate_segment(
     times, pieces, events = [start], list[DenseOutput](), list[Event]()
     while stepper.status == "running" and not events:
         stepper.step()
+        if equations.is_singular(stepper.y[:n_q], closed):
+            raise SimulationError(
+                f"the reference comes to a singular position at t = {stepper.t:.6g} s: constraints that were "
+                "independent depend on each other there, and do not tell how the mechanism moves on."
+            )
         pieces.append(stepper.dense_output())
         events = locate(pieces[-1], times[-1], stepper.t)
         times.append(events[0].t if events else stepper.t)

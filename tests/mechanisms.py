@@ -226,3 +226,36 @@ def four_bar(*further: Body, start: tuple[float, ...] = (), **changes: object) -
         "start": (crank, -cmath.phase(meeting - end), -cmath.phase(meeting - foot), *start),
     }
     return Mechanism(**(fields | changes))
+
+
+def parallel_cranks(n: int, *stops: Stop | PointStop, start: float = 0.3, hung: bool = False) -> Mechanism:
+    """A beam on n equal, parallel cranks, as a pendulum of one degree of freedom: more than two cranks are redundant.
+
+    Args:
+        n: number of cranks.
+        stops: of the mechanism.
+        start: angle of the cranks [rad].
+        hung: whether a pendulum hangs on the beam.
+    """
+    crank, beam = {"centre": (0.25, 0), "inertia": 0.02, "mass": 1.0}, "beam"
+    further = Body(name="bob", angle="bob angle", mass=0.5, centre=(0.4, 0), inertia=0.01)
+    return Mechanism(
+        name="parallel cranks",
+        bodies=(
+            Body.model_validate({"name": "crank 0", "angle": "angle 0", **crank}),
+            Body(name=beam, angle="tilt", mass=3.0, centre=(0.7, 0.1), inertia=0.5),
+            *(Body.model_validate({"name": f"crank {k}", "angle": f"angle {k}", **crank}) for k in range(1, n)),
+            *((further,) if hung else ()),
+        ),
+        joints=(
+            pin("foot 0", GROUND, "crank 0"),
+            pin("head 0", "crank 0", beam, (0.5, 0)),
+            *(pin(f"foot {k}", GROUND, f"crank {k}", (k, 0)) for k in range(1, n)),
+            *((pin("hook", beam, "bob", (0.2, 0.3)),) if hung else ()),
+            *(pin(f"head {k}", f"crank {k}", beam, (0.5, 0), (k, 0)) for k in range(1, n)),
+        ),
+        stops=stops,
+        markers=(Marker(name="tip", body=beam, point=(1.0, 0.2)),),
+        gravity=G,
+        start=(start, 0.0, *[start] * (n - 1), *((1.0,) if hung else ())),
+    )

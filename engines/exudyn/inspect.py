@@ -30,7 +30,7 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: ExudynOption
     Raises:
         InputError: a state closes a stop that is open at the start.
         UnsupportedProblemError: the mechanism cannot be built.
-        SimulationError: its constraints are redundant, or Exudyn failed.
+        SimulationError: Exudyn failed.
     """
     with silence():
         system = build(mechanism, _springs(mechanism, options))

@@ -23,7 +23,7 @@ from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
 from ..contact_events import Contacts
 from .build import System, exu
-from .solver import State
+from .solver import DEPENDENT, State
 
 # Central difference of order 8: weights of f(k h) - f(-k h), k = 1..4, over h. A Jacobian is a sum of sines and
 # cosines of rotations; at _TURN [rad] a step the truncation is _TURN^8 / 630 = 1e-15, the rounding 1e-16 / _TURN.
@@ -103,11 +103,7 @@ class Matrices:
         return -self.system.constraints[name].sense * (self.forces() - unloaded) / size
 
     def solve(self, coordinates: FloatArray, rates: FloatArray, active: Contacts) -> Solved:
-        """Accelerations and multipliers at a state.
-
-        Raises:
-            SimulationError: the constraints are redundant there.
-        """
+        """Accelerations and multipliers at a state."""
         gamma = self._gamma(coordinates, rates, active)
         self.set(coordinates, rates)
         jacobian = self.jacobian(active)
@@ -159,13 +155,16 @@ class Matrices:
 def solve_constrained(
     mass: FloatArray, jacobian: FloatArray, forces: FloatArray, right: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """The z'' and lam of M z'' + G^T lam = f, G z'' = right.
+    """The z'' and lam of M z'' + G^T lam = f, G z'' = right; where constraints are redundant, the lam of least norm.
 
     Raises:
-        SimulationError: a constraint follows from the others, or a body has no inertia of its own or by its joints.
+        SimulationError: a body has no inertia of its own or by its joints.
     """
-    if np.linalg.matrix_rank(jacobian) < len(jacobian):
-        raise SimulationError("exudyn's constraints are redundant: their forces are not unique.")
+    rank = int(np.linalg.matrix_rank(jacobian, rtol=DEPENDENT)) if len(jacobian) else 0
+    if rank < len(jacobian):
+        independent = np.linalg.svd(jacobian)[0][:, :rank]
+        accelerations, reduced = solve_constrained(mass, independent.T @ jacobian, forces, independent.T @ right)
+        return accelerations, independent @ reduced
     n, scale = len(mass), float(np.abs(mass).max())
     kkt = np.zeros((n + len(jacobian), n + len(jacobian)))
     kkt[:n, :n] = mass

@@ -15,6 +15,8 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
+from ...models.kinematics import Kinematics, initial_state
+from ...models.mechanism import Mechanism
 from ..contact_events import Contacts
 from .build import System, exu
 from .constraints import SensorKey, Values
@@ -22,6 +24,9 @@ from .options import ExudynOptions
 
 _EVERY_STEP = 1e-12  # [s] the default is 0.01 s; this is below any step
 _SAME_TIME = 1e-9  # of the run's last time
+DEPENDENT = 1e-6
+"""Of the largest singular value of a constraint Jacobian: constraints more nearly dependent follow from each other."""
+
 _DIFFERENCE = 3e-5  # relative step of Exudyn's difference quotients: 1e-6 to 1e-4 do as well
 
 Monitor = Callable[[float], bool]
@@ -60,6 +65,7 @@ class Solver:
             key: slice(a, b) for key, a, b in zip(system.sensors, ends[:-1], ends[1:], strict=True)
         }
         """Of each sensor in a table; column 0 is the time [s]."""
+        self._redundant = _has_redundant_constraints(system.mechanism)
 
     def start(self) -> State:
         """The state as built."""
@@ -112,7 +118,7 @@ class Solver:
         row = self.row(time)
         accelerations = np.array(main.systemData.GetODE2Coordinates_tt())
         if not solved or not np.isfinite(accelerations).all():
-            raise SimulationError(f"exudyn finds no accelerations at t = {time:.6g} s: are constraints redundant?")
+            raise SimulationError(f"exudyn finds no accelerations at t = {time:.6g} s: is the position singular?")
         solver.FinalizeSolver(main, settings)
         return Balance(row, accelerations)
 
@@ -138,8 +144,7 @@ class Solver:
         last = float(table[-1, 0])
         arrived = abs(last - end) <= _SAME_TIME * max(1.0, end) or (stopped and last > state.t)
         if not (finished and arrived):
-            # Exudyn notices a redundant constraint in its first step at the latest.
-            hint = "a shorter timestep may help" if len(table) > 1 else "the step is too long or a joint redundant"
+            hint = "a shorter timestep may help" if len(table) > 1 else "the step is too long, or a position singular"
             solver = f"exudyn's {self.options.integrator} solver"
             raise SimulationError(f"{solver} gave up after t = {last:.6g} s of {end:.6g} s; {hint}.")
         return table
@@ -189,6 +194,17 @@ class Solver:
             # The force of a stiff spring is known only to the rounding of an angle times its stiffness, and would not
             # fall further; the increments of the coordinates do. Exudyn wants both tolerances alike for them.
             newton.residualMode, newton.absoluteTolerance = 1, options.newton_relative
+        if self._redundant:  # a full-pivoting LU that leaves the multipliers out that it cannot tell
+            settings.linearSolverType = exu.LinearSolverType.EigenDense
+            settings.linearSolverSettings.ignoreSingularJacobian = True
         settings.solution.file.write = False
         settings.solution.sensors.writePeriod = _EVERY_STEP
         return settings
+
+
+def _has_redundant_constraints(mechanism: Mechanism) -> bool:
+    """Whether some of the joints, and of the stops that touch at the start, follow from the others."""
+    kinematics, (q, _) = Kinematics(mechanism), initial_state(mechanism)
+    rows = [(kinematics.rates(q) * closure.coefficients).real for closure in kinematics.loop_closures]
+    rows += [kinematics.gap_jacobian(stop.name, q) for stop in mechanism.stops if stop.closed]
+    return len(rows) > 1 and int(np.linalg.matrix_rank(np.array(rows), rtol=DEPENDENT)) < len(rows)

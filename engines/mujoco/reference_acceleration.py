@@ -92,6 +92,8 @@ class ReferenceAccelerationCorrection:
         self._correct_contacts(model, data)
         for index in range(model.neq):
             rows = equality_rows(data, index)
+            if not len(rows):  # a pin where there is one already: MuJoCo leaves out rows that are zero
+                continue
             reference = data.efc_aref[rows]
             if self.velocity_term:
                 feedback = self._feedback.setdefault(index, _feedback(data, rows))
@@ -125,7 +127,7 @@ class ReferenceAccelerationCorrection:
 
 
 def equality_rows(data: Any, index: int) -> NDArray[np.intp]:
-    """The three rows of an equality constraint."""
+    """The three rows of an equality constraint; none where they are zero."""
     kind = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
     return np.flatnonzero((data.efc_type == kind) & (data.efc_id == index))
 

@@ -30,6 +30,7 @@ from ...models.spec import Vector
 from .constrained import ConstrainedMotion, integrate
 from .quantities import PointState
 
+_DEPENDENT = 1e-6  # of the largest singular value: constraints more nearly dependent follow from each other
 _PROJECTIONS = 3  # Newton converges in one from the rounding of a step; the start may need another
 
 
@@ -51,6 +52,7 @@ class RedundantSystem:
         self._point_stops = {stop.name: stop for stop in mechanism.point_stops}
         self._angle_rows = {stop.name: self._angle_row(stop) for stop in mechanism.angle_stops}
         self.stops = tuple(stop.name for stop in mechanism.stops if stop.closed)
+        self._ranks: dict[tuple[str, ...], int] = {}
 
     @property
     def start(self) -> FloatArray:
@@ -89,11 +91,11 @@ class RedundantSystem:
         nothing = np.zeros(self.n)
         for _ in range(_PROJECTIONS):
             error = np.concatenate([self.joint_errors(x), [self.gap(x, name) for name in active]])
-            x += self._kkt(self._jacobian(x, active), nothing, -error)[: self.n]
+            x += self._kkt(active, self._jacobian(x, active), nothing, -error)[: self.n]
             if np.abs(error).max(initial=0.0) < 1e-12:
                 break
         jacobian = self._jacobian(x, active)
-        return np.concatenate([x, v + self._kkt(jacobian, nothing, -jacobian @ v)[: self.n]])
+        return np.concatenate([x, v + self._kkt(active, jacobian, nothing, -jacobian @ v)[: self.n]])
 
     def joint_errors(self, x: FloatArray) -> FloatArray:
         """By how much each joint's rows are broken [m]."""
@@ -237,7 +239,18 @@ class RedundantSystem:
         np.add.at(joints, (self._rows, self._angles), np.sum(self._directions * turns, axis=1))
         return np.vstack([joints, *(self._stop_row(x, name) for name in active)])
 
-    def _kkt(self, jacobian: FloatArray, forces: FloatArray, right: FloatArray) -> FloatArray:
+    def _kkt(self, active: tuple[str, ...], jacobian: FloatArray, forces: FloatArray, right: FloatArray) -> FloatArray:
+        """Accelerations and multipliers; of dependent constraints the multipliers of least norm."""
+        if active not in self._ranks:
+            self._ranks[active] = int(np.linalg.matrix_rank(jacobian, rtol=_DEPENDENT))
+        rank = self._ranks[active]
+        if rank == len(jacobian):
+            return self._solved(jacobian, forces, right)
+        independent = np.linalg.svd(jacobian)[0][:, :rank]
+        solution = self._solved(independent.T @ jacobian, forces, independent.T @ right)
+        return np.concatenate([solution[: self.n], independent @ solution[self.n :]])
+
+    def _solved(self, jacobian: FloatArray, forces: FloatArray, right: FloatArray) -> FloatArray:
         n, m = self.n, len(jacobian)
         matrix = np.zeros((n + m, n + m))
         matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = self._mass, -jacobian.T, jacobian
@@ -249,7 +262,7 @@ class RedundantSystem:
         arms, _ = self._arms(x)
         inward = np.sum(self._directions * arms, axis=1) * v[self._angles] ** 2  # minus gamma, anchor by anchor
         right = np.concatenate([self._gather @ inward, [self._inward(x, v, name) for name in active]])
-        return self._kkt(self._jacobian(x, active), self._weight, right)
+        return self._kkt(active, self._jacobian(x, active), self._weight, right)
 
 
 @dataclass(frozen=True)

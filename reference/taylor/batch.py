@@ -20,6 +20,7 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ..contact import ActiveSet
 from ..equations import Equations
+from ..reactions import refuse_dependent
 from .machine import PROJECTILE, Structure, numbers_of, projectile_row, relevant_stops, rests_of, structure_of
 from .system import batch_pool, heyoka, torque_function
 
@@ -128,7 +129,9 @@ class _Machines:
         if self.structure.n_loops or any(problem.mechanism.start_speeds for problem in self.problems):
             plain[:] = False
         for i in np.flatnonzero(~plain).tolist():
-            initial = ActiveSet(self.problems[i], Equations(self.problems[i].mechanism)).begin()
+            equations = Equations(self.problems[i].mechanism)
+            initial = ActiveSet(self.problems[i], equations).begin()
+            refuse_dependent(equations, initial.q, initial.closed, "the Taylor integrator")
             self.states[:, i] = np.concatenate([initial.q, initial.u])
             self.released_at_start[i] = [name not in initial.closed for name in self.stops]
         self.parameters[active] = ~self.released_at_start.T

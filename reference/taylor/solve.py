@@ -1,9 +1,8 @@
 """The reference motion by an adaptive Taylor integrator: an integrator and an event finder of their own.
 
 heyoka (Biscani and Izzo, MNRAS 504 (2021) 2614) expands the motion into its Taylor series at every step and finds
-releases, closings and the launch as roots of polynomials. What happens *at* an event is decided by
-:mod:`..contact`, as for the DOP853 solver. heyoka is optional; it is imported, and a structure of machine
-compiled, when first needed.
+releases, closings and the launch as roots of polynomials. What happens *at* an event is decided by :mod:`..contact`, as
+for the DOP853 solver. heyoka is optional; it is imported, and a structure of machine compiled, when first needed.
 """
 
 from __future__ import annotations
@@ -21,6 +20,7 @@ from ...models.launch import Launch, is_launch, lead
 from ...models.problem import Problem
 from ..contact import ActiveSet, EventFunction, PostEventState
 from ..equations import Equations
+from ..reactions import refuse_dependent
 from ..solution import Segment, Solution
 from .dense_output import TaylorOutput
 from .machine import Real, RealType, numbers_of, projectile_row, relevant_stops, rests_of, structure_of
@@ -166,6 +166,7 @@ class _Integration:
         self.launched: _State | None = None
         self.steps = self.order = 0
         self.begun = self.active_set.begin()
+        refuse_dependent(self.equations, self.begun.q, self.begun.closed, "the Taylor integrator")
 
     def integrate(self, record: bool = False, to_launch: bool = False) -> None:
         """Integrate to the end, or to the launch."""

@@ -31,6 +31,7 @@ from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism, SlotJoint
 from ...models.spec import Spec
 from ..equations import Equations, kkt_matrix
+from ..reactions import refuse_dependent
 
 Direction = Mapping[str, float]
 
@@ -180,7 +181,8 @@ class VariationalEquations(Equations):
     """The equations of motion and their derivatives along directions of the mechanism's numbers.
 
     Raises:
-        UnsupportedProblemError: there is a stop on a point, whose gap's derivatives are not written here.
+        UnsupportedProblemError: there is a stop on a point, whose gap's derivatives are not written here, or some
+            constraints follow from others.
     """
 
     def __init__(self, mechanism: Mechanism, directions: Sequence[Direction]) -> None:
@@ -188,6 +190,8 @@ class VariationalEquations(Equations):
             names = ", ".join(stop.name for stop in mechanism.point_stops)
             raise UnsupportedProblemError(f"sensitivities are derived for stops on angles only, not for {names}.")
         super().__init__(mechanism)
+        closed = [stop.name for stop in mechanism.stops if stop.closed]
+        refuse_dependent(self, np.array(mechanism.start), closed, "the derivative of a motion")
         self.tangents = [tangent_mechanism(mechanism, direction) for direction in directions]
         self._data = DataTangent.along(mechanism, self.tangents)
 

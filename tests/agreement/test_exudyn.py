@@ -196,13 +196,6 @@ def test_a_failed_step_is_one_sentence() -> None:
         _hopeless().simulate(Problem(fixed(), 0.1))
 
 
-def test_redundant_joints_are_refused() -> None:
-    mechanism = double_pendulum()
-    twice = mechanism.joints[1].model_copy(update={"name": "again"})
-    with pytest.raises(SimulationError, match="redundant"):
-        ExudynEngine().simulate(Problem(mechanism.model_copy(update={"joints": (*mechanism.joints, twice)}), 0.1))
-
-
 def test_a_second_run_gives_the_same_bits() -> None:
     first, second = (ExudynEngine(timestep=1e-2).simulate(Problem(rolling(), 2.0)) for _ in range(2))
     assert np.array_equal(first.q, second.q)
