@@ -193,7 +193,7 @@ def integrate_segment(
         stepper.step()
         if equations.is_singular(stepper.y[:n_q], closed):
             raise SimulationError(
-                f"the reference comes to a singular position at t = {stepper.t:.6g} s: constraints that were "
+                f"the reference gave up at t = {stepper.t:.6g} s in a singular position: constraints that were "
                 "independent depend on each other there, and do not tell how the mechanism moves on."
             )
         pieces.append(stepper.dense_output())

@@ -68,7 +68,7 @@ def fast_pendulum(length: float) -> Mechanism:
 
 def test_a_motion_that_stalls_at_a_singular_position_ends_with_a_sentence() -> None:
     began = time.perf_counter()
-    with pytest.raises(SimulationError, match=r"gave up at t = 0\.714\d+ s of 10 s after \d+ steps") as caught:
+    with pytest.raises(SimulationError, match=r"gave up at t = 0\.714\d+ s") as caught:
         solve(tb.Problem(parallel_cranks(), duration=10.0))
     assert "singular position" in str(caught.value)
     assert time.perf_counter() - began < 20
