@@ -85,8 +85,9 @@ def _printed(study: DragStudy, world: str) -> PrintedAngle:
 
 def _world(study: DragStudy, reading: Reading, fit: WorldFit) -> Row:
     printed = _printed(study, fit.world)
-    airless = printed.density == 0
-    what = "no drag" if airless else _area(reading)
+    nearest = printed.density > 0 and fit.drag_areas is None
+    airless = printed.density == 0 or nearest
+    what = f"no drag{', which comes nearest to the print' if nearest else ''}" if airless else _area(reading)
     return Row(
         f"best angle of release, {fit.world}",
         _TABLE,

@@ -104,7 +104,7 @@ def _within(machines: Machines, machine: MachineEfficiency) -> str:
     best = machine.most_efficient
     if start is not None and best is not None and start[0] <= best.theta0 <= start[1]:
         parts.append(f"arm's start {math.degrees(start[0]):.0f} to {math.degrees(start[1]):.0f} deg")
-    return f"within {', '.join(parts)}"
+    return f"within {', '.join(parts)}, with the paper's masses and length of the arm"
 
 
 def _full_energy(machine: MachineEfficiency, machines: Machines) -> Row:

@@ -80,15 +80,20 @@ def _peak(sweep: Sweep, rising: Cause) -> Iterator[Row]:
             FIXED,
             at_printed.engines,
         )
-    quantity = "l1 of the largest launch speed"
+    quantity, swept = f"l1 of the largest launch speed, {_swept(sweep)}", f"over all places, {_swept(sweep)}"
     peaks = partial(Row, judge=judge, machine=FIXED, fact=_BEST_RATIO)
     yield peaks("place of the largest launch speed", _FIG, BEST_L1, quantity, peak.l1)
-    yield peaks("largest launch speed", _FIG, BEST_SPEED, "over all places of the fulcrum", peak.speed)
+    yield peaks("largest launch speed", _FIG, BEST_SPEED, swept, peak.speed)
+
+
+def _swept(sweep: Sweep) -> str:
+    """Within which a verdict on all places holds."""
+    return f"l1 being {sweep.start:g} to {sweep.end:g} m"
 
 
 def _ratios(sweep: Sweep, evidence: Evidence, rising: Cause) -> Iterator[Row]:
     # d(l1 / l2) = beam / l2^2 dl1, the beam being kept.
-    l1, p, quantity = sweep.peak.l1, evidence.parameters, "l1 / l2 of the largest launch speed"
+    l1, p, quantity = sweep.peak.l1, evidence.parameters, f"l1 / l2 of the largest launch speed, {_swept(sweep)}"
     width = sweep.beam / (sweep.beam - l1.value) ** 2 * (l1.uncertainty or 0.0)
     ratio = Quantity(value=sweep.peak.lever_ratio, uncertainty=width, unit="")
     judge = partial(as_printed, causes=[rising])
@@ -120,7 +125,7 @@ def _optimised(sweep: Sweep, evidence: Evidence, rising: Cause) -> Row:
         "machine nearly optimised",
         "Secs. V, VII",
         f"{low.digits} of {high.digits}",
-        "launch speed at l1 = 10 to the largest",
+        f"launch speed at l1 = 10 to the largest, {_swept(sweep)}",
         Quantity(value=share, uncertainty=None, unit=""),
         lambda q, _: at_least(q, need, f"the paper's {low.digits} to its {high.digits}", [rising]),
         FIXED,
