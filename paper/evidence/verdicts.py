@@ -117,7 +117,8 @@ def coincides(ours: Quantity, resolution: float, reason: str, causes: Iterable[C
     if abs(ours.value) <= (ours.uncertainty or 0.0):
         return Judgement(Verdict.HOLDS, rule)
     if abs(ours.value) <= resolution:
-        return Judgement(Verdict.WITHIN_GRID, rule, f"they lie {_format(ours)} apart, less than can be told")
+        told = _format(resolution, ours.unit, 3)
+        return Judgement(Verdict.WITHIN_GRID, rule, f"they lie {_format(ours)} apart; up to {told} cannot be told")
     return Judgement(Verdict.FAILS, rule, _why(f"they lie {_format(ours)} apart", causes), 1.0)
 
 
