@@ -63,6 +63,28 @@ def test_the_opposite_direction_is_no_launch() -> None:
     assert locate_launch(t, *(-part for part in _turning(t))) is None
 
 
+def test_two_crossings_between_two_samples() -> None:
+    """The component across the direction, (t - 0.5)^2 - d^2, is positive at every sample."""
+    t, d = np.arange(0.005, 1.0, 0.01), 0.003
+    side = ((t - 0.5) ** 2 - d**2, (t - 0.5) ** 3 / 3 - d**2 * t)
+    position, velocity = (np.stack([f - g, f + g], axis=1) / math.sqrt(2) for f, g in ((t, side[1]), (t**0, side[0])))
+    launch = locate_launch(t, position, velocity)
+    assert launch is not None
+    assert launch.time == pytest.approx(0.5 - d, abs=1e-10)  # rounding, 1e-15 m over 0.01 s and 0.006 m/s^2
+    lifted = np.array([-1.0, 1.0]) * d**2
+    assert locate_launch(t, position + t[:, None] * lifted, velocity + lifted) is None
+
+
+def test_direction_counts_between_the_samples() -> None:
+    """The velocity turns by a right angle within a sample interval, and has turned away at its end."""
+    t = np.arange(0.0, 0.6, 0.1)
+    along = np.exp(1j * (FIRST - 16.0 * (t - 0.1)))
+    velocity, position = 5.0 * along, 5.0 * along / (-16j)
+    launch = locate_launch(t, *(np.stack([z.real, z.imag], axis=1) for z in (position, velocity)))
+    assert launch is not None
+    assert launch.time == pytest.approx(0.1 + math.radians(75) / 16.0, abs=1e-5)
+
+
 def test_only_after_the_rest_has_opened() -> None:
     t = np.arange(0.0, 1.0, 0.01)
     assert locate_launch(t, *_turning(t), after=0.5) is None
