@@ -322,7 +322,7 @@ def _constraints(c: Comparison) -> Iterator[Metric]:
 
 def _complementarity(c: Comparison) -> Iterator[Metric]:
     """How well gap >= 0, torque >= 0 and torque * gap = 0 hold: the law of a stop that can close again."""
-    if c.trajectory.provenance.stop_law != StopLaw.UNILATERAL.value:
+    if c.solution.problem.stop_law is not StopLaw.UNILATERAL:  # whatever the engine says that it followed
         return
     for name, torque in c.trajectory.stop_torques.items():
         gap = c.trajectory.stop_gap(name)[c.keep]

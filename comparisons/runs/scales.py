@@ -19,7 +19,7 @@ from ...models.spec import NonNegative, Positive, Spec
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 
-_SAMPLES = 2001
+_SAMPLES = 801
 _LEAST = 1e-6
 """Least speed and force in parts of those that gravity gives: of a swing of a thousandth of a degree."""
 _LEAST_ENERGY = 1e-9

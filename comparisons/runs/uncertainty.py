@@ -16,7 +16,7 @@ from .scales import Scales
 _COARSE = 1e-12  # tolerance of the second integration: some thirty times the reference's own
 _SAFETY = 4.0
 _ROUNDING = 64 * float(np.finfo(np.float64).eps)
-_SAMPLES = 60
+_DENSE, _LEAST, _MOST = 40, 60, 20_000  # samples in a characteristic time, and of all
 
 
 def reference_uncertainties(
@@ -49,13 +49,14 @@ def _estimated(
     problem, until = solution.problem, invariants_to or end
     margin = min(problem.duration, until * 1.02)  # so that the coarser one's events lie inside, too
     coarse = solve(Problem(problem.mechanism, duration=margin, stop_law=problem.stop_law), _COARSE, _COARSE)
-    samples = np.unique(np.concatenate([np.linspace(0.0, until, _SAMPLES), [end]]))
+    n = int(np.clip(_DENSE * until / scales.time, _LEAST, _MOST))
+    samples = np.unique(np.concatenate([np.linspace(0.0, margin, n), [end, until]]))
     metrics = measure(
         coarse.trajectory(samples[samples <= margin]), solution, end,
         scales=scales, thrown=thrown, invariants_to=invariants_to,
     )  # fmt: skip
     values: dict[str, float] = {}
-    for metric in metrics:
+    for metric in (each for each in metrics if each.name != "missing_time"):
         value = _SAFETY * abs(metric.value or 0.0) + _rounding(metric, scales, solution)
         values[metric.label] = value
         values[metric.name] = max(values.get(metric.name, 0.0), value)
