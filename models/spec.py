@@ -60,7 +60,7 @@ class SpecError(InputError):
     def of(cls, error: ValidationError, subject: str) -> SpecError:
         """From pydantic's list: each field, its value and what would be valid."""
         complaints: list[tuple[str, str]] = []
-        for row in error.errors(include_url=False):
+        for row in _without_consequences(error.errors(include_url=False)):
             field = ".".join(str(step) for step in row["loc"] if step not in _TAGS)
             inner = row.get("ctx", {}).get("error")
             if isinstance(inner, SpecError):
@@ -68,6 +68,16 @@ class SpecError(InputError):
             else:
                 complaints.append((field, _complaint(row, field)))
         return cls(subject, complaints)
+
+
+def _without_consequences(rows: list[ErrorDetails]) -> list[ErrorDetails]:
+    """Without the complaint that a list is too short whose items are refused: it counts only those that are right."""
+
+    def has_wrong_items(row: ErrorDetails) -> bool:
+        n = len(row["loc"])
+        return any(len(other["loc"]) > n and other["loc"][:n] == row["loc"] for other in rows)
+
+    return [row for row in rows if row["type"] != "too_short" or not has_wrong_items(row)]
 
 
 def _inside(field: str, name: str, text: str) -> tuple[str, str]:

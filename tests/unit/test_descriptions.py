@@ -142,6 +142,18 @@ def test_a_broken_mechanism_is_refused_in_one_sentence(fields: dict[str, object]
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("part", ["bodies", "joints"])
+def test_one_fault_in_the_only_item_of_a_list_is_one_complaint(part: str) -> None:
+    content = tb.fixed().model_dump(mode="json")
+    content[part] = content[part][:1]
+    del content[part][0]["name"]
+    with pytest.raises(tb.InputError, match=rf"^Mechanism cannot be built: {part}\.0\.name is missing\.$"):
+        tb.Mechanism.from_json(json.dumps(content))
+    content[part] = []
+    with pytest.raises(tb.InputError, match=rf"^Mechanism cannot be built: {part} = \[\]: .* at least 1 item"):
+        tb.Mechanism.from_json(json.dumps(content))
+
+
 def test_a_body_without_a_joint_is_refused() -> None:
     joints = tb.fixed().model_dump()["joints"][:2]
     with pytest.raises(tb.InputError, match="body 'hanger' hangs on no joint"):
