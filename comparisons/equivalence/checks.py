@@ -60,6 +60,25 @@ class Expected:
     bodies: tuple[str, ...]
     centres: FloatArray
     """Shape (n_states, n_bodies, 2) [m]."""
+    inertial: FloatArray
+    """What the inertia of each coordinate makes of its largest speed, or of 1 rad/s, squared; shape (n_q,)."""
+    inertial_torques: dict[str, float]
+    """The same by stop, of the lightest coordinate that it acts on."""
+
+    @property
+    def force_scale(self) -> FloatArray:
+        """Size of the forces, by coordinate."""
+        return _scale_of(self.forces, self.inertial)
+
+    @property
+    def acceleration_scale(self) -> FloatArray:
+        """Size of the accelerations, by coordinate."""
+        return _scale_of(self.accelerations, self.inertial / self.mass.max(axis=0).diagonal())
+
+    def torque_scale(self, stop: str) -> float:
+        """Size of a stop's torques; one that carries nothing in any state is scaled by the inertial forces."""
+        size = max(abs(torques.get(stop, 0.0)) for torques in self.torques)
+        return max(size, _LEAST * self.inertial_torques[stop])
 
     def as_dynamics(self, like: Sequence[Dynamics]) -> tuple[Dynamics, ...]:
         """As an engine would expose them that exposes the same as another one."""
@@ -82,6 +101,7 @@ def expected(mechanism: Mechanism, states: Sequence[State], equations: Equations
     kinematics = equations.kinematics
     solved = [equations.solve(state.q, state.u, state.closed) for state in states]
     rows = [kinematics.point(body.name, body.centre) for body in mechanism.bodies]
+    inertial = equations.mass_matrix(q).max(axis=0).diagonal() * np.maximum(np.square(u).max(axis=0), _SPEED**2)
     return Expected(
         mass=equations.mass_matrix(q),
         forces=equations.gravity_forces(q) - equations.bias(q, u),
@@ -95,6 +115,12 @@ def expected(mechanism: Mechanism, states: Sequence[State], equations: Equations
         ),
         bodies=tuple(body.name for body in mechanism.bodies),
         centres=np.stack([kinematics.position(row, q) for row in rows], axis=1),
+        inertial=inertial,
+        inertial_torques={
+            stop.name: float((inertial[row != 0] / np.abs(row[row != 0])).min()) if row.any() else float(inertial.max())
+            for stop in mechanism.stops
+            for row in [kinematics.gap_jacobian(stop.name, q[0])]
+        },
     )
 
 
@@ -106,11 +132,11 @@ def scaled_differences(reference: Expected, dynamics: Sequence[Dynamics]) -> Flo
         if engine_values.mass_matrix is not None:
             parts.append((engine_values.mass_matrix - reference.mass[k]) / np.outer(diagonal, diagonal))
         if engine_values.forces is not None:
-            parts.append((engine_values.forces - reference.forces[k]) / _scale_of(reference.forces))
-        parts.append((engine_values.accelerations - reference.accelerations[k]) / _scale_of(reference.accelerations))
+            parts.append((engine_values.forces - reference.forces[k]) / reference.force_scale)
+        parts.append((engine_values.accelerations - reference.accelerations[k]) / reference.acceleration_scale)
         for name, torque in reference.torques[k].items():
-            size = max(abs(torques.get(name, 0.0)) for torques in reference.torques)
-            parts.append(np.array([(engine_values.stop_torques.get(name, math.nan) - torque) / size]))
+            error = engine_values.stop_torques.get(name, math.nan) - torque
+            parts.append(np.array([error / reference.torque_scale(name)]))
         reach = float(np.abs(reference.centres).max()) or 1.0
         parts += [
             (engine_values.centres[name] - reference.centres[k, i]) / reach
@@ -120,21 +146,25 @@ def scaled_differences(reference: Expected, dynamics: Sequence[Dynamics]) -> Flo
     return np.concatenate([np.ravel(part) for part in parts])
 
 
-def _scale_of(values: FloatArray) -> FloatArray:
+_LEAST = 1e-3  # of the inertial forces: where less acts (no gravity, a balanced rotor), rounding is all there is
+
+
+def _scale_of(values: FloatArray, inertial: FloatArray) -> FloatArray:
     """Size of each component over all states; a component on which hardly anything acts is scaled by the others.
 
     Args:
         values: shape (n_states, n_components).
+        inertial: what the speeds of the states make of each component; the scale where hardly anything acts at all.
     """
     scale = np.abs(values).max(axis=0)
-    return np.maximum(scale, 1e-3 * scale.max())
+    return np.maximum(np.maximum(scale, 1e-3 * scale.max()), _LEAST * inertial)
 
 
 def _checks(mechanism: Mechanism, states: Sequence[State], inspection: Inspection) -> Iterator[Check]:
     reference = expected(mechanism, states)
     yield from _start_and_mass(mechanism, inspection)
     yield from _exact(mechanism, reference, inspection.dynamics)
-    scale = _scale_of(reference.accelerations)
+    scale = reference.acceleration_scale
     accelerations = np.array([d.accelerations for d in inspection.dynamics])
     yield _by_name("acceleration", mechanism.coordinates, np.abs(accelerations - reference.accelerations), scale)
     yield from _torques(reference, inspection.dynamics)
@@ -182,7 +212,7 @@ def _exact(mechanism: Mechanism, reference: Expected, dynamics: Sequence[Dynamic
         yield _by_name("mass matrix", pairs, difference, np.ones(len(pairs)))
     forces = [d.forces for d in dynamics if d.forces is not None]
     if len(forces) == len(dynamics):
-        yield _by_name("force", names, np.abs(np.array(forces) - reference.forces), _scale_of(reference.forces))
+        yield _by_name("force", names, np.abs(np.array(forces) - reference.forces), reference.force_scale)
 
 
 def _torques(reference: Expected, dynamics: Sequence[Dynamics]) -> Iterator[Check]:
@@ -191,7 +221,7 @@ def _torques(reference: Expected, dynamics: Sequence[Dynamics]) -> Iterator[Chec
         pairs = [
             (d.stop_torques.get(name), t[name]) for d, t in zip(dynamics, reference.torques, strict=True) if name in t
         ]
-        size = max(abs(right) for _, right in pairs)
+        size = reference.torque_scale(name)
         missing = any(torque is None for torque, _ in pairs)
         worst = max((abs(torque - right) for torque, right in pairs if torque is not None), default=0.0) / size
         yield _exactly("stop torque", name, None if missing else worst)

@@ -238,7 +238,9 @@ def settled_increment(assembly: Assembly) -> FloatArray:
         # The step is repeated from the same state, and starts with the impulses found so far.
         _step_to(assembly, places, before, STEP, _FIRST_PASSES * 2**doublings)
         last, increment = increment, assembly.rates - before
-        previous, change = change, float(np.abs(increment - last).max() / max(np.abs(increment).max(), reach))
+        size, previous = max(float(np.abs(increment).max()), reach), change
+        difference = float(np.abs(increment - last).max())
+        change = difference / size if size > 0 else difference  # at rest at the origin nothing has a size
         if change <= _SETTLED or previous < change <= _ENOUGH:
             break
     if not change <= _ENOUGH:

@@ -170,6 +170,8 @@ def _refuse_lost_joints(mechanism: Mechanism, gaps: Mapping[str, FloatArray], t:
     """Impulses that do not converge can separate the bodies although all numbers stay finite."""
     joints = [point for joint in mechanism.joints for point in (joint.parent_point, joint.child_point)]
     reach = sum(math.hypot(*point) for point in (*joints, *(body.centre for body in mechanism.bodies)))
+    # A rotor on its axle has no length but its radius of gyration.
+    reach += sum(math.sqrt(body.inertia / body.mass) for body in mechanism.bodies)
     for name, gap in gaps.items():
         lost = np.flatnonzero(~(gap <= reach))
         if len(lost):

@@ -1,0 +1,62 @@
+"""Mechanisms on which little or nothing acts: a rotor on its axle, a pendulum without gravity."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from mechanisms import G, angle_stop, pin
+from trebucheck.comparisons.equivalence.checks import EXACT, check_model
+from trebucheck.models.mechanism import GROUND, Body, Mechanism, Stop
+from trebucheck.models.problem import Problem
+
+ENGINES = ("reference", "mujoco", "pymunk", "exudyn")
+
+
+def _on_a_pin(body: Body, gravity: float, *stops: Stop, speed: float = 0.0) -> Mechanism:
+    return Mechanism(
+        name="one", bodies=(body,), joints=(pin("pin", GROUND, "bob"),), stops=stops, gravity=gravity, start=(0.3,),
+        start_speeds=(speed,),
+    )  # fmt: skip
+
+
+ROTOR = Body(name="bob", angle="a", mass=2.0, centre=(0, 0), inertia=0.5)
+BOB = Body(name="bob", angle="a", mass=2.0, centre=(0.5, 0), inertia=0.0)
+ROD = Body(name="bob", angle="a", mass=2.0, centre=(0.5, 0), inertia=0.1)
+HELD = angle_stop(-0.3).model_copy(update={"sense": 1, "limit": 0.3, "closed": True})
+IDLE = {
+    "rotor": _on_a_pin(ROTOR, G, speed=2.0),
+    "rotor on its stop": _on_a_pin(ROTOR, G, HELD),
+    "bob without gravity": _on_a_pin(BOB, 0.0, speed=1.0),
+    "rod without gravity": _on_a_pin(ROD, 0.0),
+    "rod on its stop without gravity": _on_a_pin(ROD, 0.0, HELD),
+}
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("name", IDLE)
+def test_the_model_is_the_same_where_no_force_acts(name: str, engine: str) -> None:
+    checks = check_model(tb.engine(engine), IDLE[name]).checks
+    assert checks
+    assert [c.name for c in checks if c.value is None or c.value > EXACT] == []
+
+
+def test_a_fault_is_seen_where_no_force_acts() -> None:
+    """Gravity where there should be none, and a rotor whose centre is not on its axle."""
+    pulled = _on_a_pin(ROD, 1e-3)
+    off_axle = _on_a_pin(ROTOR.model_copy(update={"centre": (1e-6, 0.0)}), G)
+    for wrong, right in ((pulled, _on_a_pin(ROD, 0.0)), (off_axle, _on_a_pin(ROTOR, G))):
+
+        class Wrong(type(tb.engine("mujoco"))):  # type: ignore[misc]
+            def inspect(self, mechanism: Mechanism, states: object, built: Mechanism = wrong) -> object:
+                return super().inspect(built, states)
+
+        broken = [check.name for check in check_model(Wrong(), right).checks if (check.value or 0.0) > EXACT]
+        assert {"force", "acceleration"} <= set(broken)
+
+
+@pytest.mark.parametrize("preset", ["tuned", "stock"])
+@pytest.mark.parametrize("engine", ENGINES[1:])
+def test_a_balanced_rotor_turns_at_its_speed(engine: str, preset: str) -> None:
+    trajectory = tb.engine(engine, preset, timestep=1e-3).simulate(Problem(IDLE["rotor"], 1.0))
+    assert np.abs(trajectory.q[:, 0] - (0.3 + 2.0 * trajectory.t)).max() < 1e-11  # a thousand roundings of a radian
