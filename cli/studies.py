@@ -83,7 +83,7 @@ def converge_command(
     """Turn each engine's knobs and see how its error falls: orders, floors and their causes, Richardson limits.
 
     Writes converge.html (self-contained) and converge.json; prints orders and laws. A run that fails is a failed
-    point of its study.
+    point of its study; a machine whose reference fails is left out with its reason, and the exit code is 1.
 
     Examples:
     trebucheck converge --out converge
@@ -101,6 +101,8 @@ def converge_command(
     output.publish(
         (out / "converge.json", studies.to_json()), document(studies), out / "converge.html", store=study.store
     )
+    if studies.failures:
+        raise typer.Exit(1)
 
 
 def explain_command(
@@ -117,7 +119,8 @@ def explain_command(
     """Split each engine's error among its causes, each measured by a run without it.
 
     Also sets each engine's stock and tuned presets side by side and changes one option at a time. Writes explain.html
-    (self-contained) and explain.json; prints a summary. A run that fails is shown as such and ends nothing.
+    (self-contained) and explain.json; prints a summary. A run that fails is shown as such and ends nothing; if it is a
+    machine's reference, the exit code is 1.
 
     Examples:
     trebucheck explain --models fixed --engines mujoco
@@ -135,3 +138,5 @@ def explain_command(
         explanation = explain(replace(study, progress=show))
     data = out / "explain.json", explanation.to_json()
     output.publish(data, document(explanation), out / "explain.html", "Page", store=study.store)
+    if explanation.failures:
+        raise typer.Exit(1)

@@ -20,7 +20,7 @@ from ..models.errors import SimulationError, TrebucheckError
 MOST_STEPS = 500_000
 """Of one motion, over all its segments; Table I's machine takes some 50 to 100 for a second."""
 _MOST_MEMORY = 1 << 30  # [B] of the dense output
-_WINDOW = 1000  # steps over which progress is measured
+_WINDOW = 500  # steps over which progress is measured
 _HOPELESS = 100  # times the most steps, as many as the rest would take at this pace
 
 
@@ -95,7 +95,7 @@ class Integrator(DOP853):
         with numerical(f"after t = {self.t:.6g} s"):
             message = super().step()
         if message is not None:
-            raise SimulationError(f"the reference's integrator stopped at t = {self.t:.6g} s: {message}.")
+            raise SimulationError(f"the reference's integrator stopped at t = {self.t:.6g} s: {message.rstrip('.')}.")
         self.limit.count(self.t)
 
 
@@ -113,5 +113,23 @@ def numerical(when: str) -> Generator[None, None, None]:
             yield
     except TrebucheckError:
         raise
+    except np.linalg.LinAlgError as error:
+        raise SimulationError(
+            f"the reference cannot go on {when}: its equations are singular ({error}); a body without inertia, or "
+            "joints and stops that depend on each other, may be the cause."
+        ) from error
     except (ArithmeticError, ValueError, RuntimeError) as error:
         raise SimulationError(f"the reference cannot go on {when}: {error}.") from error
+
+
+def refuse_infinite(what: str, *values: FloatArray) -> None:
+    """Raise SimulationError if a number of the reference is not finite.
+
+    Args:
+        what: the quantity, in the plural.
+        values: of any shapes.
+    """
+    if not all(np.isfinite(value).all() for value in values):
+        raise SimulationError(
+            f"the reference's {what} are not finite: the machine's numbers are too large or too small."
+        )

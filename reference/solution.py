@@ -17,6 +17,7 @@ from ..models.launch import LAUNCH_ANGLE, Launch, SmoothVelocity, first_launch, 
 from ..models.problem import Problem
 from ..models.trajectory import PointMotion, Provenance, Trajectory
 from .equations import Equations
+from .integrator import numerical, refuse_infinite
 from .reactions import joint_reactions, undetermined_forces
 
 
@@ -60,6 +61,7 @@ class Solution:
 
         Raises:
             InputError: a time lies outside the solution.
+            SimulationError: a force is not finite.
         """
         end = self.segments[-1].end
         if len(t) and (t.min() < 0 or t.max() > end):
@@ -87,11 +89,14 @@ class Solution:
         """
         a, loops = np.empty_like(q), np.empty((len(t), self.equations.n_loops))
         torques = {stop.name: np.zeros(len(t)) for stop in self.problem.mechanism.stops}
-        for segment, indices in self._by_segment(t):
-            a[indices], multipliers = self.equations.solve(q[indices], u[indices], segment.closed)
-            loops[indices] = multipliers[:, : self.equations.n_loops]
-            for name, torque in zip(segment.closed, multipliers[:, self.equations.n_loops :].T, strict=True):
-                torques[name][indices] = torque
+        with numerical("with the forces of its motion"):
+            for segment, indices in self._by_segment(t):
+                a[indices], multipliers = self.equations.solve(q[indices], u[indices], segment.closed)
+                loops[indices] = multipliers[:, : self.equations.n_loops]
+                for name, torque in zip(segment.closed, multipliers[:, self.equations.n_loops :].T, strict=True):
+                    torques[name][indices] = torque
+        refuse_infinite("accelerations", a)
+        refuse_infinite("forces of joints and stops", loops, *torques.values())
         return Motion(q, u, a, loops, torques)
 
     def joint_reactions(self, motion: Motion) -> dict[str, FloatArray]:
@@ -178,21 +183,28 @@ class Solution:
         """All that a trajectory holds, of a motion at the times t [s], shape (n,)."""
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
         markers: dict[str, PointMotion] = {}
-        for marker in mechanism.markers:
-            row = kinematics.point(marker.body, marker.point)
-            position, velocity = kinematics.position(row, motion.q), kinematics.velocity(row, motion.q, motion.u)
-            markers[marker.name] = PointMotion(position, velocity)
+        with numerical("with the figures of its motion"):
+            for marker in mechanism.markers:
+                row = kinematics.point(marker.body, marker.point)
+                position, velocity = kinematics.position(row, motion.q), kinematics.velocity(row, motion.q, motion.u)
+                markers[marker.name] = PointMotion(position, velocity)
+            kinetic = kinematics.kinetic_energy(motion.q, motion.u)
+            potential = self.equations.potential_energy(motion.q)
+            reactions = self.joint_reactions(motion)
+        refuse_infinite("energies", kinetic, potential)
+        refuse_infinite("joint reactions", *reactions.values())
+        refuse_infinite("markers", *(v for point in markers.values() for v in (point.position, point.velocity)))
         return Trajectory(
             mechanism=mechanism,
             t=t,
             q=motion.q,
             u=motion.u,
             markers=markers,
-            kinetic_energy=kinematics.kinetic_energy(motion.q, motion.u),
-            potential_energy=self.equations.potential_energy(motion.q),
+            kinetic_energy=kinetic,
+            potential_energy=potential,
             stop_torques=motion.stop_torques,
             release_times=self.release_times,
-            joint_reactions=self.joint_reactions(motion),
+            joint_reactions=reactions,
             provenance=provenance or self._provenance(),
             impacts=self.impacts,
         )

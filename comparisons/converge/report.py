@@ -58,7 +58,9 @@ def document(studies: Studies) -> Document:
 
 
 def _failures(studies: Studies) -> Iterator[str]:
-    """One sentence an engine that is not installed, and one a failed point."""
+    """One sentence a machine that could not be moved, an engine that is not installed, and a failed point."""
+    for model, message in studies.failures.items():
+        yield f"{model}: {message}"
     for name in dict.fromkeys(name for machine in studies.machines for name in machine.absent):
         yield f"{name} is not installed here."
     for machine in studies.machines:

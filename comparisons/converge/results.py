@@ -156,3 +156,4 @@ class Studies(ResultFile):
 
     format: Literal["trebucheck-converge-1"] = FORMAT
     machines: tuple[MachineStudies, ...]
+    failures: dict[str, str] = Field(default_factory=dict, description="machines whose reference failed, and why")

@@ -12,7 +12,7 @@ from ...engines.protocol import Engine
 from ...engines.registry import engine, engine_class, engine_names, engine_study
 from ...engines.study import ConstraintKinds, StepOrder, SweptParameter
 from ...models.arrays import FloatArray
-from ...models.errors import InputError
+from ...models.errors import InputError, SimulationError
 from ...reference.certification.certificate import Uncertainties
 from ..runs.study import Counter, Study
 from ..runs.trials import Deviation, Trial, Trials
@@ -36,15 +36,20 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
         chosen: names of swept parameters (:func:`parameter_names`); all if left out.
 
     Raises:
-        InputError: a name or value is not valid, or there is nothing to do. A failed run is a failed point.
+        InputError: a name or value is not valid, or there is nothing to do. A failed run is a failed point, a
+            machine whose reference fails is left out, with its reason.
     """
     absent, plan = _plan(study.measured_engines, chosen)
     count = Counter(len(study.mechanisms) * sum(len(parameter.values) for _, parameter in plan), study.progress)
     machines: list[MachineStudies] = []
+    failures: dict[str, str] = {}
     with study.worker() as worker:
         for mechanism in study.mechanisms:
-            machines.append(_machine(Trials(mechanism, worker, study.store), plan, absent, count))
-    return Studies.made_here(machines=tuple(machines))
+            try:
+                machines.append(_machine(Trials(mechanism, worker, study.store), plan, absent, count))
+            except SimulationError as error:  # of its reference: the other machines must not be lost with it
+                failures[mechanism.name] = str(error)
+    return Studies.made_here(machines=tuple(machines), failures=failures)
 
 
 def _timestep(engine: str, preset: str) -> SweptParameter:

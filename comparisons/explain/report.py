@@ -55,6 +55,7 @@ def document(explanation: Explanation) -> Document:
         Text(verdict(explanation), "strong", medium="page"),
         doc.Fold("How to read it", (Note(_HOW_TO_READ),)),
     ]
+    blocks += [Text(message, "bad", lead=f"{model}:") for model, message in explanation.failures.items()]
     for machine in explanation.machines:
         blocks += _chapter(explanation, machine)
     runs = ((budget.model, budget.label, budget.engine_version, budget.settings) for budget in explanation.budgets)

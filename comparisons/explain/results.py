@@ -121,5 +121,6 @@ class Explanation(ResultFile):
 
     format: Literal["trebucheck-explain-1"] = FORMAT
     machines: tuple[Machine, ...]
+    failures: dict[str, str] = Field(default_factory=dict, description="machines whose reference failed, and why")
     budgets: tuple[Budget, ...]
     comparisons: tuple[StockAgainstTuned, ...]

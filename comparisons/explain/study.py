@@ -12,7 +12,7 @@ from pydantic import JsonValue
 
 from ...engines.protocol import Engine
 from ...engines.registry import with_options
-from ...models.errors import InputError
+from ...models.errors import InputError, SimulationError
 from ..runs.study import PRESETS, Counter, Study
 from ..runs.trials import Trial, Trials
 from .budget import budget
@@ -41,9 +41,14 @@ def explain(study: Study) -> Explanation:
     machines: list[Machine] = []
     budgets: list[Budget] = []
     comparisons: list[StockAgainstTuned] = []
+    failures: dict[str, str] = {}
     with study.worker() as worker:
         for mechanism in study.mechanisms:
-            trials = Trials(mechanism, worker, study.store)
+            try:
+                trials = Trials(mechanism, worker, study.store)
+            except SimulationError as error:  # of its reference: the other machines must not be lost with it
+                failures[mechanism.name] = str(error)
+                continue
             machines.append(_machine(trials))
             for name, by_preset in engines.items():
                 for preset in study.presets:
@@ -51,7 +56,9 @@ def explain(study: Study) -> Explanation:
                     budgets.append(budget(trials, by_preset[preset]))
                 count.start(f"{mechanism.name}: {name}, option by option")
                 comparisons.append(stock_against_tuned(trials, by_preset["stock"], by_preset["tuned"]))
-    return Explanation.made_here(machines=tuple(machines), budgets=tuple(budgets), comparisons=tuple(comparisons))
+    return Explanation.made_here(
+        machines=tuple(machines), budgets=tuple(budgets), comparisons=tuple(comparisons), failures=failures
+    )
 
 
 def _machine(trials: Trials) -> Machine:
