@@ -50,6 +50,8 @@ class Capabilities:
     """Laws of the stops it can follow."""
     formulation: str
     """Coordinates and treatment of constraints, in a few words."""
+    restitution: bool = True
+    """Under the unilateral law, stops that give speed back; else only those with e = 0."""
 
 
 class Simulator(Protocol):
@@ -231,6 +233,14 @@ class BuiltinEngine(EngineOptions, ABC):
             laws = ", ".join(sorted(self.capabilities.stop_laws))
             raise UnsupportedProblemError(
                 f"{self.name} cannot follow the {problem.stop_law.value} law of a stop; it can follow: {laws}."
+            )
+        rebounding = [
+            f"{stop.name!r} (e = {stop.restitution:g})" for stop in problem.mechanism.stops if stop.restitution
+        ]
+        if rebounding and problem.stop_law is StopLaw.UNILATERAL and not self.capabilities.restitution:
+            raise UnsupportedProblemError(
+                f"{self.name} cannot follow the unilateral law of {', '.join(rebounding)}: its stops give back what "
+                "their springs do; it can follow that of stops with restitution 0."
             )
         if self.timestep > problem.duration:
             raise InputError(

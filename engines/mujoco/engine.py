@@ -20,7 +20,8 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
     Stops are joint limits, which MuJoCo treats as soft: a stop gives way by about 1e-10 rad at a step of 1e-3 s,
     and by four times that at twice the step, for the tuned limits are scaled with it. Under the release-once law
     a limit is taken out of the model when it releases, and those open at the start are out from the beginning;
-    under the unilateral law all stay in, and an impact is that of a stiff, damped spring, spread over some steps.
+    under the unilateral law all stay in, and an impact is that of a stiff, damped spring, spread over some steps: it
+    gives back some of the speed where e = 0, and a stop with another restitution is refused.
 
     Stops on points are frictionless contacts of a sphere with a plane, slots that close a loop are two of them,
     pins that do are `connect` equalities. MuJoCo leaves (dJ/dt) qvel out of contacts, and a stiff
@@ -46,6 +47,7 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
         formulation="minimal relative joints, stops and loops as soft limits, contacts and equalities "
         "(convex optimisation), RK4; "
         "releases located inside a step (stock: at its end, and limits never removed)",
+        restitution=False,
     )
     # The documentation sends those who want energy conserved to RK4; the rest are its defaults.
     stock_options: ClassVar[Mapping[str, object]] = {

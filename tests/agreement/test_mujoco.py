@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trebucheck as tb
 from mechanisms import TABLE_ONE, chain, chain_on_a_slot, position_error, rod_pendulum, table_one_motion
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.reference.engine import ReferenceEngine
@@ -260,6 +261,16 @@ def test_unilateral_comes_to_rest_on_a_stop() -> None:
     assert found.q[-1] == pytest.approx(exact.q[-1], abs=1e-7)
     assert found.stop_torque("met")[-1] == pytest.approx(2 * 9.81 * np.cos(1.0), rel=1e-6)
     assert (found.stop_torque("left") == 0).all()
+
+
+@pytest.mark.parametrize("preset", ["tuned", "stock"])
+def test_a_stop_that_rebounds_is_refused_not_softened(preset: str) -> None:
+    met = Stop(name="met", body="rod", sense=-1, limit=-1.0, closed=False, restitution=0.5)
+    problem = Problem(rod_pendulum(met), 1.0, stop_law=StopLaw.UNILATERAL)
+    with pytest.raises(UnsupportedProblemError, match=r"mujoco cannot follow the unilateral law of 'met' \(e = 0\.5\)"):
+        tb.engine("mujoco", preset).simulate(problem)
+    # Under the release-once law it never acts, and its restitution does not matter.
+    assert MujocoEngine().simulate(Problem(rod_pendulum(met), 1.0)).q.max() > 2.0
 
 
 def test_under_release_once_an_open_stop_never_acts() -> None:
