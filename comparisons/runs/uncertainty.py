@@ -57,10 +57,17 @@ def _estimated(
     )  # fmt: skip
     values: dict[str, float] = {}
     for metric in (each for each in metrics if each.name != "missing_time"):
-        value = _SAFETY * abs(metric.value or 0.0) + _rounding(metric, scales, solution)
+        value = _SAFETY * _distance(metric, scales, solution) + _rounding(metric, scales, solution)
         values[metric.label] = value
         values[metric.name] = max(values.get(metric.name, 0.0), value)
     return values
+
+
+def _distance(metric: Metric, scales: Scales, solution: Solution) -> float:
+    """Between the two integrations; as large as its scale, and so unknown, for an event that only one of them has."""
+    if metric.value is None:
+        return QUANTITIES[metric.name].scale_of(scales, metric.subject, solution.problem.mechanism)
+    return abs(metric.value)
 
 
 def _rounding(metric: Metric, scales: Scales, solution: Solution) -> float:

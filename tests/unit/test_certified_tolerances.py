@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from trebucheck.reference.certification.certificate import Uncertainties, refusal
+import trebucheck as tb
+from trebucheck.comparisons.runs.scales import scales_until
+from trebucheck.comparisons.runs.uncertainty import reference_uncertainties
+from trebucheck.reference.certification.certificate import Uncertainties, estimate_uncertainty, refusal
+from trebucheck.reference.solver import solve_to_launch
 
 
 @pytest.mark.parametrize("tolerance", [1e-7, 1.0000001e-11, 1e-11])
@@ -23,3 +27,13 @@ def test_subjects_fall_back_on_the_metric() -> None:
     assert known.of("position_max", "counterweight") == 1e-11
     assert known.of("release_time", "sling rest") == 1e-13
     assert known.of("release_time", "hanger rest") is None
+
+
+def test_a_launch_at_the_end_of_the_compared_motion_has_an_uncertainty_of_its_own() -> None:
+    """The coarser integration's launch may lie a little later, past the compared motion; it was then taken as exact."""
+    solution = solve_to_launch(tb.fixed(tb.TrebuchetParameters(l1=9.5)))
+    assert solution.launch is not None
+    end, known = solution.launch.time, estimate_uncertainty(solution).of("launch_time")
+    compared = reference_uncertainties(solution, end, scales_until(solution, end), "projectile").of("launch_time")
+    assert known is not None and compared is not None
+    assert known / 10 < compared < 10 * known
