@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -25,7 +26,7 @@ from ..report.numbers import format_number
 from ..runs.demand import OnDemand, in_order
 from ..runs.pairs import Compared, pair_of
 from ..runs.results import Diagnosis, Equality, Machine, Outcome, Pair, Results, Run, verdict_on
-from ..runs.runner import Runner, Worker, failure
+from ..runs.runner import Runner, Worker, failure, simulate_warm
 from ..runs.store import Store, conditions, digest
 from ..runs.study import PRESETS, Study, one_end
 from ..runs.tolerances import Needs, is_table_one, judge
@@ -330,9 +331,10 @@ class _MachineRuns:
         self.store.keep_record(path.stem, record, conditions(*self._parts, engine=engine))
 
     def _diagnosed(self, run: Run, trajectory: Trajectory, engine: Engine) -> Diagnosis | None:
-        solution, end, simulate = self.runner.solution, self.runner.end, self.runner.worker.simulate
+        motions = trajectory, self.runner.solution, self.runner.end
+        diagnose = partial(diagnose_motion, run, *motions, engine, simulate_warm)
         try:
-            return diagnose_motion(run, trajectory, solution, end, engine, simulate)
+            return self.runner.worker.compute(diagnose, "the diagnosis")  # it solves and runs many changed machines
         except Exception:  # a diagnosis that fails must not cost the row it is about
             return None
 
