@@ -83,6 +83,11 @@ class Equations:
         """Potential energy of gravity [J], zero at the world's origin, shape (...,)."""
         return self.kinematics.potential_energy(q)
 
+    def forces(self, q: FloatArray, u: FloatArray) -> FloatArray:
+        """Q(q) - b(q, u), and what a fault adds to them: all generalized forces but the constraints', (..., n_q)."""
+        rates = self._rates(q)
+        return self._forces(q, u, rates, self._quadratic(rates))
+
     def _forces(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
         """Q - b: generalized forces without the constraints', shape (..., n_q)."""
         return (rates.conj() * self._weights).real - self._bias(quadratic, u)

@@ -254,7 +254,7 @@ def moved_marker(b: Bench) -> tb.Trajectory:
 
 
 def noisy(values: Any, seed: int, size: float = 1e-4) -> Any:
-    return values + size * np.abs(values).max() * np.random.default_rng(seed).standard_normal(values.shape)
+    return values + size * np.abs(values).max(axis=0) * np.random.default_rng(seed).standard_normal(values.shape)
 
 
 def noisy_everything(f: tb.Trajectory) -> dict[str, Any]:
@@ -367,7 +367,7 @@ def _of_data(mechanism: tb.Mechanism) -> Iterator[Seed]:
     )
     yield Seed(
         "arm's mass +30 %",
-        ("m_a (", f"mass of the {names[0]}"),
+        ("m_a (", f"mass of the {names[0]}", f"mass and inertia of the {names[0]}"),
         _twice(_with("bodies", 0, mass=_scaled(1.3), inertia=_scaled(1.3))),
     )
     where = (f"place of the {pin}", "r (", "l1 (", f"centre of mass of the {sling}")

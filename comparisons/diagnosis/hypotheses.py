@@ -67,26 +67,32 @@ class Hypothesis:
         return ", ".join(c.text(factor) for c, factor in zip(self.components, factors, strict=True))
 
 
-def hypotheses(mechanism: Mechanism) -> list[Hypothesis]:
-    """All faults of a size; those of several components also with each of them alone."""
+def hypotheses(mechanism: Mechanism, closing: bool = True) -> list[Hypothesis]:
+    """All faults of a size; those of several components also with each of them alone.
+
+    Args:
+        mechanism: without faults.
+        closing: whether the start of a faulty mechanism is moved to where its loops close, as a motion needs it.
+    """
     suspects = [suspect for suspect in machine_suspects(mechanism) if suspect.scale]
     found: list[Hypothesis] = []
     for _, group in groupby(suspects, key=lambda suspect: suspect.group or suspect.name):
         members = list(group)
-        found += [_of_suspects(mechanism, suspect.name, [suspect]) for suspect in members]
+        found += [of_suspects(mechanism, suspect.name, [suspect], closing) for suspect in members]
         if len(members) > 1:
-            found.append(_of_suspects(mechanism, members[0].group, members))
+            found.append(of_suspects(mechanism, members[0].group, members, closing))
     return [*found, *_laws(mechanism)]
 
 
-def _of_suspects(mechanism: Mechanism, name: str, suspects: Sequence[Suspect]) -> Hypothesis:
+def of_suspects(mechanism: Mechanism, name: str, suspects: Sequence[Suspect], closing: bool = False) -> Hypothesis:
+    """A fault of as many numbers as there are suspects."""
     length = 2 * mechanism_length(mechanism)
     labels = [s.name.removeprefix(s.group).lstrip(", ") or "along" for s in suspects] if len(suspects) > 1 else [""]
     components = [Component(label, s.scale, s.unit, length) for label, s in zip(labels, suspects, strict=True)]
 
     def make(factors: Sequence[float]) -> Equations | None:
         wrong = combined(mechanism, suspects, factors)
-        closed = None if wrong is None else with_closed_loops(wrong)
+        closed = with_closed_loops(wrong) if wrong is not None and closing else wrong
         return None if closed is None else Equations(closed)
 
     return Hypothesis(name, suspects[0].kind, tuple(components), suspects[0].group or name, make)
@@ -117,6 +123,15 @@ def _laws(mechanism: Mechanism) -> Iterator[Hypothesis]:
         yield law(f"spring on the {joint.name}", lambda f, e=element: e(stiffness=f[0] * torque), spring)
         both = partial(_sprung, element, torque)
         yield law(f"spring on the {joint.name}", both, spring, constant)
+
+
+def armatures(mechanism: Mechanism) -> Iterator[Hypothesis]:
+    """Rotors' inertias on the joints, which engines have: in a motion they are like inertias of bodies."""
+    size = _SMALL * sum(body.mass for body in mechanism.bodies) * mechanism_length(mechanism) ** 2
+    for joint in mechanism.joints:
+        name, element = f"armature of the {joint.name}", partial(WithJoint, mechanism, joint.name)
+        inertia = Component("", size, "kg m^2", positive=True)
+        yield Hypothesis(name, "law", (inertia,), name, lambda f, e=element: e(armature=f[0] * size))
 
 
 def _sprung(element: Callable[..., Equations], unit: float, factors: Sequence[float]) -> Equations:

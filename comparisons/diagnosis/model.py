@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -14,17 +14,23 @@ from ...engines.protocol import Engine
 from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism
 from ...reference.equations import Equations
-from ...reference.perturbed import WithJoint, WithoutCentrifugal
 from ..equivalence.checks import EXACT, Expected, check_model, expected, gap_errors, random_states, scaled_differences
 from ..runs.results import Cause, Diagnosis, Equality
+from .hypotheses import Hypothesis, armatures, gross_faults, hypotheses, of_suspects
 from .ranking import ranked
-from .signatures import Match, match
-from .suspects import machine_suspects, wall_suspects
+from .search import Found, better
+from .signatures import fit, match
+from .suspects import Kind, machine_suspects, wall_suspects
 
-_SMALL = 1e-6  # of an added term, in its unit
 _TELLING = 0.05  # of a deviation: what accounts for less is no suspect
 _ALIKE = 1e-6  # relative, or [rad]: of a value that was mistaken for another
-_READ_OFF = 0.9  # weight of a cause that one quantity shows, against one that explains all of them
+_READ_OFF = 0.992  # weight of a cause that one quantity shows, against one that explains all of them
+_NO_TORQUE = 0.97  # the same of a stop that carries none: it may be at another position
+_CORRECTIONS = 6  # of a size, by Gauss and Newton
+_PARTS = (1.0, 0.5, 0.25, 0.1, 0.01)  # of a correction that leads to a size that makes no sense
+_FITS = 0.99999  # share from which on a size need not be corrected any more
+_GAIN = 0.003  # in share: corrections that gain less are at an end
+_HOPELESS = 0.2  # share to first order, below which a size is not corrected
 
 
 def check_and_diagnose(engine: Engine, mechanism: Mechanism) -> tuple[Equality, Diagnosis | None]:
@@ -46,20 +52,10 @@ def diagnose_model(engine: Engine, mechanism: Mechanism, broken: Equality) -> Di
         if broken.states:
             inspection = engine.inspect(mechanism, states)
             causes = [part for read in (_plain, _walls, _fitted) for part in read(mechanism, states, inspection)]
-            causes = _once(causes)
         else:
             causes = list(_unknown_stops(engine, mechanism, states))
     listed, likeliest = ranked(causes)
     return Diagnosis(leads=worst.label, causes=listed, likeliest=likeliest)
-
-
-def _once(causes: Sequence[Cause]) -> list[Cause]:
-    """Each name once, with the cause that explains most."""
-    best: dict[str, Cause] = {}
-    for cause in causes:
-        if cause.name not in best or cause.explained > best[cause.name].explained:
-            best[cause.name] = cause
-    return list(best.values())
 
 
 def _unknown_stops(engine: Inspectable, mechanism: Mechanism, states: Sequence[State]) -> Iterator[Cause]:
@@ -79,18 +75,23 @@ def _plain(mechanism: Mechanism, states: Sequence[State], inspection: Inspection
     ):
         if abs(value - right) > EXACT * max(1.0, abs(right)):
             mistake = _mistaken(float(value), right)
-            amount = mistake or f"{value - right:+.3g} {'rad' if i < len(mechanism.bodies) else 'm'}"
+            amount = mistake or _difference(float(value) - right, "rad" if i < len(mechanism.bodies) else "m")
             yield Cause(name=f"start of {name}", kind="start", amount=amount, explained=1.0 if mistake else _READ_OFF)
     for name, gap in gap_errors(expected(mechanism, states), inspection.dynamics).items():
         if abs(gap) > EXACT and mechanism.stop(name).effort == "torque":
-            amount = f"{math.degrees(gap):+.3g} deg"
+            amount = f"{math.degrees(gap):+.3g} deg" if abs(gap) < math.pi else ""
             yield Cause(name=f"place of the {name}", kind="machine", amount=amount, explained=_READ_OFF)
     for stop in mechanism.stops:
         pairs = zip(inspection.dynamics, states, strict=True)
         held = [d.stop_torques.get(stop.name) for d, state in pairs if stop.name in state.closed]
         if held and not any(held):
             # A stop at another position carries no torque either: its position is then the more likely cause.
-            yield Cause(name=f"{stop.name} missing", kind="law", explained=_READ_OFF / 2)
+            yield Cause(name=f"{stop.name} missing", kind="law", explained=_NO_TORQUE)
+
+
+def _difference(value: float, unit: str) -> str:
+    """As text, unless it is an angle of more than a turn, whose size says nothing."""
+    return "" if unit == "rad" and abs(value) > 2 * math.pi else f"{value:+.3g} {unit}"
 
 
 def _walls(mechanism: Mechanism, states: Sequence[State], inspection: Inspection) -> Iterator[Cause]:
@@ -99,12 +100,16 @@ def _walls(mechanism: Mechanism, states: Sequence[State], inspection: Inspection
     deviation = _gaps(right, inspection.dynamics, inspection.dynamics)
     if np.abs(deviation).max(initial=0.0) <= EXACT:
         return
-    for suspect in wall_suspects(mechanism):
-        gaps = expected(suspect.wrong, states).gaps
+
+    def signature(equations: Equations) -> FloatArray:
+        gaps = expected(equations.mechanism, states, equations).gaps
         faulty = [replace(dynamics, stop_gaps=wrong) for dynamics, wrong in zip(inspection.dynamics, gaps, strict=True)]
-        matched = match(deviation, _gaps(right, faulty, inspection.dynamics))
-        if matched.explained > _TELLING:
-            yield suspect.cause(matched.factor, _READ_OFF * matched.explained)
+        return _gaps(right, faulty, inspection.dynamics)[None]
+
+    for suspect in wall_suspects(mechanism):
+        found = _measured(of_suspects(mechanism, suspect.name, [suspect]), deviation, signature)
+        if found is not None:
+            yield found.cause.model_copy(update={"explained": _READ_OFF * found.explained})
 
 
 def _mistaken(angle: float, right: float) -> str:
@@ -123,52 +128,103 @@ def _fitted(mechanism: Mechanism, states: Sequence[State], inspection: Inspectio
     deviation = np.concatenate([scaled_differences(right, inspection.dynamics), start, gaps])
     if not np.isfinite(deviation).all() or not deviation.any():
         return
+
+    def signatures(equations: Equations) -> FloatArray:
+        return np.array(list(_signatures(mechanism, right, equations, states, inspection)))
+
+    found: dict[str, Found] = {}
+    for hypothesis in (*hypotheses(mechanism, closing=False), *armatures(mechanism)):
+        result, group = _measured(hypothesis, deviation, signatures), hypothesis.group
+        if result is not None:
+            found[group] = better(found[group], result) if group in found else result
+    yield from (each.cause for each in found.values())
+    for name, kind, equations in _gross(mechanism):
+        shares = [match(deviation, signature, fixed=True).explained for signature in signatures(equations)]
+        yield Cause(name=name, kind=kind, explained=max(shares, default=0.0))
+
+
+def _gross(mechanism: Mechanism) -> Iterator[tuple[str, Kind, Equations]]:
+    """Faults without a size."""
     for suspect in machine_suspects(mechanism):
-        matched = _best(
-            match(deviation, signature, fixed=suspect.scale == 0)
-            for signature in _signatures(mechanism, right, suspect.wrong, states, inspection)
-        )
-        if matched.explained > _TELLING:
-            yield suspect.cause(matched.factor, matched.explained)
-    nothing = np.zeros(len(start) + len(gaps))
-    for name, unit, equations in _other_laws(mechanism):
-        wrong = expected(mechanism, states, equations).as_dynamics(inspection.dynamics)
-        matched = match(deviation, np.concatenate([scaled_differences(right, wrong), nothing]), fixed=not unit)
-        if matched.explained > _TELLING:
-            amount = f"{matched.factor * _SMALL:.3g} {unit}" if unit else ""
-            yield Cause(name=name, kind="law", amount=amount, explained=matched.explained)
+        if suspect.scale == 0:
+            yield suspect.name, suspect.kind, Equations(suspect.wrong)
+    for name, equations in gross_faults(mechanism):
+        yield name, "law", equations
 
 
-def _best(matches: Iterable[Match]) -> Match:
-    return max(matches, key=lambda candidate: candidate.explained, default=Match(0.0, 0.0))
+def _measured(
+    hypothesis: Hypothesis, deviation: FloatArray, signatures: Callable[[Equations], FloatArray]
+) -> Found | None:
+    """A hypothesis of the size that fits, with the share that it accounts for at that size; None if it does not fit.
+
+    Args:
+        hypothesis: with a size of one number or several.
+        deviation: flat.
+        signatures: of equations, as it may show in different engines, shape (n_ways, n).
+    """
+    zero = np.zeros(len(hypothesis.components))
+    columns = _columns(hypothesis, zero, signatures)
+    fits = [] if columns is None else [fit(deviation, columns[:, way]) for way in range(columns.shape[1])]
+    way = max(range(len(fits)), key=lambda k: fits[k][1], default=-1)
+    if columns is None or way < 0 or fits[way][1] <= _TELLING:
+        return None
+    best, factors, step = None, zero, fits[way][0]
+    for _ in range(_CORRECTIONS if fits[way][1] > _HOPELESS else 1):
+        factors = _sensible(hypothesis, factors, step)
+        equations = None if factors is None else hypothesis.equations(factors.tolist())
+        if factors is None or equations is None:
+            break
+        signature = signatures(equations)[way]
+        share = match(deviation, signature, fixed=True).explained
+        gained = share - best.explained if best else 1.0
+        if gained > 0:
+            best = Found(hypothesis, factors, share)
+        tangents = None if share > _FITS or gained < _GAIN else _columns(hypothesis, factors, signatures)
+        if tangents is None:
+            break
+        step = fit(deviation - signature, tangents[:, way])[0]
+    return best
 
 
-def _other_laws(mechanism: Mechanism) -> Iterator[tuple[str, str, Equations]]:
-    """Equations with another term in them, or one less; name, unit of the term ('': not a matter of degree)."""
-    yield "velocity-dependent forces dropped", "", WithoutCentrifugal(mechanism)
-    for joint in mechanism.joints:
-        yield f"damping of the {joint.name}", "N m s/rad", WithJoint(mechanism, joint.name, damping=_SMALL)
-        yield f"armature of the {joint.name}", "kg m^2", WithJoint(mechanism, joint.name, armature=_SMALL)
+def _columns(
+    hypothesis: Hypothesis, factors: FloatArray, signatures: Callable[[Equations], FloatArray]
+) -> FloatArray | None:
+    """Change of the signatures with each component, shape (n_components, n_ways, n); None where there is none."""
+    units = np.eye(len(factors))
+    made = [hypothesis.make(each.tolist()) for each in (factors, *(factors + units))]
+    if any(equations is None for equations in made):
+        return None
+    here, *there = [signatures(equations) for equations in made if equations is not None]
+    return np.array([ahead - here for ahead in there])
+
+
+def _sensible(hypothesis: Hypothesis, factors: FloatArray, step: FloatArray) -> FloatArray | None:
+    """The factors after the step, or after so small a part of it that the size makes sense; None where none does."""
+    for part in _PARTS:
+        if hypothesis.equations((factors + part * step).tolist()) is not None:
+            return factors + part * step
+    return None
 
 
 def _signatures(
     mechanism: Mechanism,
     right: Expected,
-    wrong: Mechanism,
+    equations: Equations,
     states: Sequence[State],
     inspection: Inspection,
 ) -> Iterator[FloatArray]:
-    """Signatures of a wrong mechanism, in an engine with absolute coordinates and in one that counts from its start.
+    """Signatures of wrong equations, in an engine with absolute coordinates and in one that counts from its start.
 
     The latter's coordinates are off by the error of its start. And a stop at a wrong position need not have moved the
     start with it.
     """
+    wrong = equations.mechanism
     if {stop.name for stop in wrong.stops} < {stop.name for stop in mechanism.stops}:
         return  # a missing stop: see _plain
     start = np.array(wrong.start) - np.array(mechanism.start)
     none = np.zeros_like(start)
-    for shift, start_error in ((none, start), (start, start), (none, none)) if start.any() else ((none, none),):
-        faulty = expected(wrong, [replace(state, q=state.q + shift) for state in states])
+    for shift, start_error in ((none, start), (start, start), (none, none)):
+        faulty = expected(wrong, [replace(state, q=state.q + shift) for state in states], equations)
         exposed = faulty.as_dynamics(inspection.dynamics)
         exposed = [replace(dynamics, stop_gaps=gaps) for dynamics, gaps in zip(exposed, faulty.gaps, strict=True)]
         yield np.concatenate(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -61,7 +61,7 @@ def diagnose_motion(
         holding=onset.active if onset else (),
         causes=causes,
         likeliest=likeliest,
-        motion_agrees=case.can_be_read and _motion_agrees(case),
+        motion_agrees=case.can_be_read and _only_readings(case, causes[:likeliest]),
     )
 
 
@@ -220,6 +220,13 @@ def _motion_agrees(case: Case) -> bool:
     points = [name for name in case.shares if name.startswith(("position", "velocity"))]
     right = [all(name in case.shares and name not in wrong for name in names) for names in (_STATE, points) if names]
     return bool(wrong) and any(right)
+
+
+def _only_readings(case: Case, named: Sequence[Cause]) -> bool:
+    """Whether the motion follows the reference; where forces deviate, only if a mistake of reading them is named."""
+    forces = any(name.startswith(_UNTOLD) for name in _wrong_quantities(case))
+    misread = bool(named) and all(cause.kind == "reading" for cause in named)
+    return _motion_agrees(case) and (misread or not forces)
 
 
 def _misread(case: Case) -> Iterator[Cause]:

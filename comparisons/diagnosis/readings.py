@@ -67,7 +67,8 @@ def _scales(r: Trajectory) -> Iterator[Reading]:
         if torque.any():
             effort = r.mechanism.stop(name).effort
             yield scaled(f"the {name}'s {effort}", stop_torques={**r.stop_torques, name: 2 * torque})
-    yield scaled("all stop torques", stop_torques={n: 2 * v for n, v in r.stop_torques.items()})
+    if len(r.stop_torques) > 1:
+        yield scaled("all stop torques", stop_torques={n: 2 * v for n, v in r.stop_torques.items()})
     for name, force in r.joint_reactions.items():
         yield scaled(f"the {name}'s force", joint_reactions={**r.joint_reactions, name: 2 * force})
     yield scaled("all joint forces", joint_reactions={n: 2 * v for n, v in r.joint_reactions.items()})

@@ -68,14 +68,14 @@ def fitting_faults(case: Case) -> list[Cause]:
         for lead in _leads(case, every, part):
             result, group = _solved(case, lead), lead.hypothesis.group
             if result is not None:
-                found[group] = _better(found[group], result) if group in found else result
+                found[group] = better(found[group], result) if group in found else result
         if any(each.explained > EXACT for each in found.values()):
             break
     order = list(dict.fromkeys(hypothesis.group for hypothesis, _ in every))
     return [found[group].cause for group in order if group in found]
 
 
-def _better(one: Found, other: Found) -> Found:
+def better(one: Found, other: Found) -> Found:
     """That which leaves less; two numbers have to leave much less than one."""
     simple, general = sorted((one, other), key=lambda found: len(found.factors))
     allowance = _PARSIMONY if len(simple.factors) < len(general.factors) else 1.0

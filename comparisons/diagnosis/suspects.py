@@ -135,6 +135,10 @@ def _masses(mechanism: Mechanism) -> Iterator[Suspect]:
         if not named or body.inertia:  # the mass of a named point is a parameter
             wrong = _with_part(mechanism, "bodies", body.name, {"mass": body.mass * (1 + _SMALL)})
             yield from _suspect(f"mass of the {body.name}", "machine", wrong)
+        if body.inertia and not named:
+            denser = {"mass": body.mass * (1 + _SMALL), "inertia": body.inertia * (1 + _SMALL)}
+            wrong = _with_part(mechanism, "bodies", body.name, denser)
+            yield from _suspect(f"mass and inertia of the {body.name}", "machine", wrong)
         grown = body.inertia * _SMALL or body.mass * _SMALL  # of a point mass: a radius of gyration of a millimetre
         wrong = _with_part(mechanism, "bodies", body.name, {"inertia": body.inertia + grown})
         amount: dict[str, Any] = {} if body.inertia else {"scale": grown, "unit": "kg m^2"}

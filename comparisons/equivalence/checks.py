@@ -104,7 +104,7 @@ def expected(mechanism: Mechanism, states: Sequence[State], equations: Equations
     inertial = equations.mass_matrix(q).max(axis=0).diagonal() * np.maximum(np.square(u).max(axis=0), _SPEED**2)
     return Expected(
         mass=equations.mass_matrix(q),
-        forces=equations.gravity_forces(q) - equations.bias(q, u),
+        forces=equations.forces(q, u),
         accelerations=np.array([accelerations for accelerations, _ in solved]),
         torques=tuple(
             dict(zip(state.closed, multipliers[equations.n_loops :].tolist(), strict=True))

@@ -1,0 +1,164 @@
+"""When a cause is named, which sizes make sense, and the first-order effect of faults."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from trebucheck.comparisons.diagnosis.hypotheses import Component, hypotheses
+from trebucheck.comparisons.diagnosis.motion import diagnose_motion
+from trebucheck.comparisons.diagnosis.ranking import ranked
+from trebucheck.comparisons.diagnosis.response import first_order
+from trebucheck.comparisons.runs.results import Cause, Diagnosis, Metric, Outcome, Run
+from trebucheck.models.trajectory import PointMotion
+from trebucheck.reference.equations import Equations
+from trebucheck.reference.perturbed import WithDamping, WithJoint, WithTiltedGravity
+from trebucheck.reference.solution import Solution
+from trebucheck.reference.solver import solve
+
+
+def _likeliest(*shares: float) -> int:
+    return ranked(Cause(name=f"cause {k}", kind="law", explained=share) for k, share in enumerate(shares))[1]
+
+
+@pytest.mark.parametrize(
+    ("shares", "named"),
+    [
+        ((), 0),
+        ((0.09,), 0),
+        ((0.93, 0.2), 0),  # too much is left
+        ((0.96, 0.2), 1),
+        ((0.96, 0.94), 0),  # not clearly more than the next
+        ((0.9999, 0.96), 1),
+        ((0.9999, 0.99995, 0.5), 2),  # the deviation cannot tell them apart
+        ((1.0, 1.0, 1.0, 1.0, 1.0), 3),
+    ],
+)
+def test_a_cause_is_named_by_what_it_leaves(shares: tuple[float, ...], named: int) -> None:
+    assert _likeliest(*shares) == named
+
+
+def test_suspects_of_the_same_effect_keep_their_order_and_names_come_once() -> None:
+    shares = (("a", 0.9995), ("b", 0.99999), ("a", 0.3), ("c", 0.01))
+    causes = [Cause(name=name, kind="law", explained=share) for name, share in shares]
+    listed, named = ranked(causes)
+    assert [cause.name for cause in listed] == ["a", "b"] and named == 2
+
+
+@pytest.mark.parametrize(
+    ("component", "size", "sensible"),
+    [
+        (Component("", 1.0, ""), -1.1, False),  # an inertia of -10 %
+        (Component("", 1.0, ""), 0.5, True),
+        (Component("", 1.0, "rad"), math.radians(5.7e11), False),
+        (Component("", 1.0, "m", length=10.0), 11.0, False),
+        (Component("", 1.0, "N m/rad", positive=True), -1.0, False),
+        (Component("", 1.0, "N m"), -1e9, True),
+        (Component("", 1.0, "N m"), math.inf, False),
+    ],
+)
+def test_sizes_that_make_no_sense_are_refused(component: Component, size: float, sensible: bool) -> None:
+    assert component.is_sensible(size) is sensible
+
+
+@pytest.mark.parametrize("build", [tb.fixed, tb.rolling])
+def test_first_order_effects_are_those_of_the_solved_motion(build: object) -> None:
+    """Of every hypothesis: what is left is of second order in a size of 1e-6, grown along the motion."""
+    mechanism = build()  # type: ignore[operator]
+    solution = solve(tb.Problem(mechanism, duration=2.4))
+    t = np.linspace(0.0, 2.4, 101)[1:]
+    chosen = [h for h in hypotheses(mechanism) if len(h.components) == 1][::4]
+    equations = [e for e in (h.make([1.0]) for h in chosen) if e is not None]
+    right = solution.motion(t)
+    for wrong, change in zip(equations, first_order(solution, equations, t), strict=True):
+        moved = solve(tb.Problem(wrong.mechanism, duration=2.4), 1e-13, 1e-13, wrong).motion(t)
+        exact = np.concatenate([moved.q - right.q, moved.u - right.u], axis=1)
+        assert np.linalg.norm(exact - change) <= 1e-3 * np.linalg.norm(exact) + 1e-10
+
+
+def test_elements_do_the_work_that_they_store_or_take() -> None:
+    """A spring keeps energy with its own, turned gravity keeps it along its direction, and damping takes it."""
+    mechanism = tb.fixed()
+    t = np.linspace(0.0, 1.0, 50)
+
+    def energy(equations: Equations) -> np.ndarray:
+        found = solve(tb.Problem(mechanism, duration=1.0), equations=equations).trajectory(t)
+        return found.kinetic_energy + found.potential_energy
+
+    for equations in (WithJoint(mechanism, "sling pin", stiffness=1e3), WithTiltedGravity(mechanism, 0.3)):
+        kept = energy(equations)
+        assert np.abs(kept - kept[0]).max() < 1e-8 * np.abs(kept).max()
+    assert np.all(np.diff(energy(WithDamping(mechanism, 0.1))) < 0)
+
+
+def test_turned_gravity_is_the_turned_mechanism() -> None:
+    """Gravity turned by an angle moves a mechanism as upright gravity moves it turned the other way."""
+    angle, mechanism = 0.2, tb.fixed()
+    free = mechanism.model_copy(update={"stops": ()})
+    turned = free.model_copy(update={"start": tuple(q + angle for q in free.start)})
+    t = np.linspace(0.0, 1.0, 20)
+    tilted = solve(tb.Problem(free, duration=1.0), equations=WithTiltedGravity(free, angle)).motion(t)
+    upright = solve(tb.Problem(turned, duration=1.0)).motion(t)
+    assert tilted.q + angle == pytest.approx(upright.q, abs=1e-9)
+
+
+def _solution() -> Solution:
+    return solve(tb.Problem(tb.fixed(), duration=2.4))
+
+
+def _said(trajectory: tb.Trajectory, solution: Solution, end: float = 2.3) -> Diagnosis:
+    metric = Metric(name="seeded", value=1.0, unit="1", tolerance=0.5)
+    run = Run(
+        model="m", engine="e", preset="tuned", outcome=list(Outcome)[1], engine_version="1", metrics=(metric,)
+    )  # fmt: skip
+    return diagnose_motion(run, trajectory, solution, end, tb.engine("reference"), lambda *_: trajectory)
+
+
+def test_a_quantity_that_is_read_strangely_is_named_as_a_reading() -> None:
+    """In a way that is no suspect: the motion is right, so the cause is in how that one quantity is read."""
+    solution = _solution()
+    right = solution.trajectory(np.linspace(0.0, 2.4, 400))
+    strange = {n: PointMotion(m.position, m.velocity + 0.1 * m.velocity**2) for n, m in right.markers.items()}
+    found = _said(replace(right, markers=strange), solution)
+    assert found.motion_agrees and found.named[0].name.startswith("reading of the velocity")
+    assert found.named[0].kind == "reading"
+
+
+def test_a_run_without_samples_or_markers_has_a_diagnosis() -> None:
+    solution = _solution()
+    right = solution.trajectory(np.linspace(0.0, 2.4, 400))
+    short = solution.trajectory(np.linspace(0.0, 0.1, 2))
+    assert _said(short, solution).named == ()
+    bare = replace(right, markers={}, u=2 * right.u)
+    assert _said(bare, solution).named[0].amount == "times 2"
+
+
+def _pendulum(gravity: float = 9.81) -> tb.Mechanism:
+    """That falls against a stop below its pin, from which it bounces."""
+    rod = {"name": "rod", "angle": "a", "mass": 2.0, "centre": (1.0, 0.0), "inertia": 0.1}
+    pin = {
+        "kind": "pin",
+        "name": "pin",
+        "parent": "ground",
+        "child": "rod",
+        "parent_point": (0, 0),
+        "child_point": (0, 0),
+    }
+    stop = {"name": "wall", "body": "rod", "sense": -1, "limit": -1.5, "closed": False, "restitution": 0.5}
+    return tb.Mechanism(
+        name="pendulum", bodies=[rod], joints=[pin], stops=[stop], gravity=gravity, start=(0.0,),
+        markers=[{"name": "tip", "body": "rod", "point": (1.5, 0.0)}],
+    )  # fmt: skip
+
+
+def test_impacts_are_solved_instead_of_linearised() -> None:
+    """Under the unilateral law a stop closes: the effect of a fault is then that of the solved motion."""
+    t, right = np.linspace(0.0, 1.4, 400), _pendulum()
+    solution = solve(tb.Problem(right, duration=1.4, stop_law="unilateral"))
+    assert solution.impacts and solution.impacts[0][0] < 1.0
+    wrong = solve(tb.Problem(_pendulum(1.001 * 9.81), duration=1.4, stop_law="unilateral"))
+    found = _said(replace(wrong.trajectory(t), mechanism=right), solution, 1.3)
+    assert found.causes[0].name == "gravity" and found.causes[0].amount == "+0.1 %", found
