@@ -22,6 +22,7 @@ from ...reference.solution import Solution
 _SAMPLES = 801
 _LEAST = 1e-6
 """Least speed and force in parts of those that gravity gives: of a swing of a thousandth of a degree."""
+_SHORTEST = 1e-9  # characteristic times: an end before that has no speed of its own
 _LEAST_ENERGY = 1e-9
 """Least energy in parts of the energies that are added: a thousandth of it is well above their rounding."""
 _LEAST_TORQUE = 1e-3
@@ -64,7 +65,8 @@ def scales_until(solution: Solution, end: float) -> Scales:
     mechanism = reference.mechanism
     mass, gravity = sum(body.mass for body in mechanism.bodies), mechanism.gravity
     length = size(mechanism) or 1.0
-    least = _LEAST * max(math.sqrt(gravity * length), length / end)
+    shortest = _SHORTEST * (math.sqrt(length / gravity) if gravity else 1.0)
+    least = _LEAST * max(math.sqrt(gravity * length), length / max(end, shortest))
     speed = max(_largest_speed(reference), least)
     times = [length / speed, *([math.sqrt(length / gravity)] if gravity else [])]
     least_force = _LEAST * mass * max(gravity, speed**2 / length)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import trebucheck as tb
+from trebucheck.cli.app import main
 from trebucheck.comparisons.runs.runner import Worker
 from trebucheck.models import files
 from trebucheck.models.errors import EngineNotInstalledError, InputError, UnwritableError
@@ -137,6 +138,13 @@ def test_a_flight_that_only_touches_the_ground_has_no_rate(drag: float) -> None:
 
 def test_a_wait_without_end() -> None:
     assert 1e6 < Worker(float("inf")).timeout < float("inf")
+
+
+@pytest.mark.parametrize("duration", ["1e-300", "5e-324", "1e-12"])
+def test_a_comparison_over_no_time_at_all(duration: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["compare", "--models", "catapult", "--engines", "reference", "--preset", "tuned"]
+    assert main([*arguments, "--duration", duration, "--out", str(tmp_path)]) == 1
+    assert "must not be longer than the duration" in capsys.readouterr().out
 
 
 # places that fill up
