@@ -259,3 +259,31 @@ def parallel_cranks(n: int, *stops: Stop | PointStop, start: float = 0.3, hung: 
         gravity=G,
         start=(start, 0.0, *[start] * (n - 1), *((1.0,) if hung else ())),
     )
+
+
+def scaled(mechanism: Mechanism, s: float) -> Mechanism:
+    """The same mechanism, s times as large, of the same density: its motion takes sqrt(s) times as long."""
+
+    def vector(point: Vector) -> Vector:
+        return point[0] * s, point[1] * s
+
+    changes: dict[str, object] = {
+        "bodies": tuple(
+            b.model_copy(update={"mass": b.mass * s**3, "inertia": b.inertia * s**5, "centre": vector(b.centre)})
+            for b in mechanism.bodies
+        ),
+        "joints": tuple(
+            j.model_copy(update={"parent_point": vector(j.parent_point), "child_point": vector(j.child_point)})
+            for j in mechanism.joints
+        ),
+        "stops": tuple(
+            p.model_copy(update={"point": vector(p.point), "offset": p.offset * s}) if isinstance(p, PointStop) else p
+            for p in mechanism.stops
+        ),
+        "markers": tuple(
+            m.model_copy(update={"point": vector(m.point), "mass": m.mass and m.mass * s**3}) for m in mechanism.markers
+        ),
+    }
+    angles = len(mechanism.bodies)
+    start = (*mechanism.start[:angles], *(x * s for x in mechanism.start[angles:]))
+    return Mechanism(**{**dict(mechanism), **changes, "start": start})

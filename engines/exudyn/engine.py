@@ -10,6 +10,7 @@ from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording
 from ..study import EngineStudy
+from ..units import SI, Units, units_of
 from .options import ExudynOptions
 from .study import STUDY
 
@@ -52,9 +53,21 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         self.refuse_absence()
         from .inspect import inspect  # loads Exudyn
 
-        return inspect(mechanism, states, self)
+        units = self._units(mechanism)
+        if units == SI:
+            return inspect(mechanism, states, self)
+        options = self.in_time_unit(units.time)
+        inspection = inspect(units.mechanism(mechanism), units.states(mechanism, states), options)
+        return units.inspection(inspection, mechanism)
 
     def _run(self, problem: Problem) -> Recording:
         from .step import run  # loads Exudyn
 
-        return run(problem, self)
+        units = self._units(problem.mechanism)
+        if units == SI:
+            return run(problem, self)
+        return units.recording(run(units.problem(problem), self.in_time_unit(units.time)), problem)
+
+    def _units(self, mechanism: Mechanism) -> Units:
+        """SI where a stiffness is given in it, of stops on angles and on points alike."""
+        return units_of(mechanism) if self.stop_stiffness is None else SI

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field
 
@@ -39,3 +39,7 @@ class ExudynOptions(EngineOptions):
     stop_damping_ratio: Real = Field(
         default=0.1, ge=0, description="of such a spring with the inertia it holds at the start; 1 is critical"
     )
+
+    def in_time_unit(self, unit: float) -> Self:
+        """The same options for a system whose unit of time is so many seconds."""
+        return self.model_copy(update={"timestep": self.timestep / unit})

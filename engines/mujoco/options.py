@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field
 
@@ -56,6 +56,14 @@ class MujocoOptions(EngineOptions):
     keep_limits: bool = Field(
         default=False, description="leave released and open limits in the model even under the release-once law"
     )
+
+    def in_time_unit(self, unit: float) -> Self:
+        """The same options for a model whose unit of time is so many seconds."""
+        first, second = self.solref or (0.0, 0.0)
+        scaled = (first / unit, second) if first > 0 else (first * unit**2, second * unit)
+        return self.model_copy(
+            update={"timestep": self.timestep / unit, "solref": None if self.solref is None else scaled}
+        )
 
 
 def scaled_solref(timestep: float, integrator: str, exact_points: bool = False) -> tuple[float, float]:

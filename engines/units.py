@@ -1,0 +1,188 @@
+"""Units in which a mechanism is neither small nor large, for engines with absolute floors and tolerances.
+
+MuJoCo has a least inertia (1e-15 kg m^2) and Exudyn a residual that is small enough (1e-9 N). A mechanism of a few
+millimetres or grams, or of kilometres, is built in units of its own: powers of two, so that no number is rounded, and
+of lengths the square of those of times, so that gravity keeps its number. What an engine records is read back in SI.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..models.arrays import FloatArray
+from ..models.mechanism import AnyStop, Mechanism, PointStop, Stop
+from ..models.problem import Problem
+from ..models.spec import Vector
+from ..models.trajectory import PointMotion
+from .inspection import Dynamics, Inspection, State
+from .protocol import Recording
+
+_LENGTHS, _MASSES = (0.25, 200.0), (0.05, 1e6)  # [m], [kg] mechanisms between these are built in SI
+_LENGTH, _MASS = 16.0, 1024.0  # [m], [kg] what others get: about Table I's
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of length [m], mass [kg] and time [s]."""
+
+    length: float = 1.0
+    mass: float = 1.0
+    time: float = 1.0
+
+    @property
+    def force(self) -> float:
+        """Of forces [N]."""
+        return self.mass * self.length / self.time**2
+
+    @property
+    def energy(self) -> float:
+        """Of energies [J] and moments [N m]."""
+        return self.force * self.length
+
+    def effort(self, stop: AnyStop) -> float:
+        """Unit of what a stop pushes with [N m or N]."""
+        return self.force if isinstance(stop, PointStop) else self.energy
+
+    def coordinates(self, mechanism: Mechanism) -> FloatArray:
+        """Of each coordinate, shape (n_q,): 1 of an angle, the length of a slide."""
+        angles, slides = len(mechanism.bodies), len(mechanism.slides)
+        return np.array([1.0] * angles + [self.length] * slides)
+
+    def mechanism(self, mechanism: Mechanism) -> Mechanism:
+        """The mechanism in these units; not validated, for its numbers are the same but for their exponents."""
+        q = self.coordinates(mechanism)
+        return mechanism.model_copy(
+            update={
+                "bodies": tuple(
+                    body.model_copy(
+                        update={
+                            "mass": body.mass / self.mass,
+                            "centre": self._vector(body.centre),
+                            "inertia": body.inertia / (self.mass * self.length**2),
+                        }
+                    )
+                    for body in mechanism.bodies
+                ),
+                "joints": tuple(
+                    joint.model_copy(
+                        update={
+                            "parent_point": self._vector(joint.parent_point),
+                            "child_point": self._vector(joint.child_point),
+                        }
+                    )
+                    for joint in mechanism.joints
+                ),
+                "stops": tuple(map(self._stop, mechanism.stops)),
+                "markers": tuple(
+                    marker.model_copy(
+                        update={
+                            "point": self._vector(marker.point),
+                            "mass": None if marker.mass is None else marker.mass / self.mass,
+                        }
+                    )
+                    for marker in mechanism.markers
+                ),
+                "gravity": mechanism.gravity * self.time**2 / self.length,
+                "start": tuple((np.array(mechanism.start) / q).tolist()),
+                "start_speeds": tuple((np.array(mechanism.start_speeds) * self.time / q).tolist())
+                if mechanism.start_speeds
+                else (),
+            }
+        )
+
+    def _vector(self, vector: Vector) -> Vector:
+        return vector[0] / self.length, vector[1] / self.length
+
+    def _stop(self, stop: Stop | PointStop) -> Stop | PointStop:
+        if isinstance(stop, Stop):
+            return stop
+        return stop.model_copy(update={"point": self._vector(stop.point), "offset": stop.offset / self.length})
+
+    def problem(self, problem: Problem) -> Problem:
+        """The problem in these units."""
+        mechanism = self.mechanism(problem.mechanism)
+        return problem.model_copy(update={"mechanism": mechanism, "duration": problem.duration / self.time})
+
+    def recording(self, recording: Recording, problem: Problem) -> Recording:
+        """What was recorded in these units, in SI."""
+        mechanism = problem.mechanism
+        q, efforts = self.coordinates(mechanism), {stop.name: self.effort(stop) for stop in mechanism.stops}
+        speed = self.length / self.time
+        # The last time is the problem's end to the bit: the units are powers of two.
+        return Recording(
+            t=recording.t * self.time,
+            q=recording.q * q,
+            u=recording.u * q / self.time,
+            markers={
+                name: PointMotion(motion.position * self.length, motion.velocity * speed)
+                for name, motion in recording.markers.items()
+            },
+            kinetic_energy=recording.kinetic_energy * self.energy,
+            potential_energy=recording.potential_energy * self.energy,
+            stop_torques={name: torque * efforts[name] for name, torque in recording.stop_torques.items()},
+            release_times={
+                name: None if time is None else time * self.time for name, time in recording.release_times.items()
+            },
+            joint_reactions={name: force * self.force for name, force in recording.joint_reactions.items()},
+            joint_gaps={name: gap * self.length for name, gap in recording.joint_gaps.items()},
+            impacts=tuple(
+                (time * self.time, {name: impulse * efforts[name] * self.time for name, impulse in impulses.items()})
+                for time, impulses in recording.impacts
+            ),
+            steps=recording.steps,
+        )
+
+    def states(self, mechanism: Mechanism, states: Sequence[State]) -> list[State]:
+        """States in these units."""
+        q = self.coordinates(mechanism)
+        return [replace(state, q=state.q / q, u=state.u * self.time / q) for state in states]
+
+    def inspection(self, inspection: Inspection, mechanism: Mechanism) -> Inspection:
+        """What was inspected in these units, in SI."""
+        q = self.coordinates(mechanism)
+        return Inspection(
+            start=inspection.start * q,
+            start_speeds=inspection.start_speeds * q / self.time,
+            dynamics=tuple(self._dynamics(dynamics, mechanism) for dynamics in inspection.dynamics),
+            total_mass=None if inspection.total_mass is None else inspection.total_mass * self.mass,
+        )
+
+    def _dynamics(self, dynamics: Dynamics, mechanism: Mechanism) -> Dynamics:
+        q, inertia = self.coordinates(mechanism), self.mass * self.length**2
+        stops = {stop.name: stop for stop in mechanism.stops}
+        mass, forces = dynamics.mass_matrix, dynamics.forces
+        return Dynamics(
+            accelerations=dynamics.accelerations * q / self.time**2,
+            stop_torques=_scaled(dynamics.stop_torques, {name: self.effort(stop) for name, stop in stops.items()}),
+            mass_matrix=None if mass is None else mass * inertia / np.outer(q, q),
+            forces=None if forces is None else forces * self.energy / q,
+            centres={name: centre * self.length for name, centre in dynamics.centres.items()},
+            stop_gaps=_scaled(
+                dynamics.stop_gaps,
+                {name: self.length if isinstance(stop, PointStop) else 1.0 for name, stop in stops.items()},
+            ),
+        )
+
+
+def _scaled(values: Mapping[str, float], units: Mapping[str, float]) -> dict[str, float]:
+    return {name: value * units[name] for name, value in values.items()}
+
+
+SI = Units()
+
+
+def units_of(mechanism: Mechanism) -> Units:
+    """SI, but for mechanisms that are very small, light, large or heavy."""
+    points = [point for joint in mechanism.joints for point in (joint.parent_point, joint.child_point)]
+    points += [body.centre for body in mechanism.bodies]
+    length = max(math.hypot(*point) for point in points)
+    length = max(length, *(math.sqrt(body.inertia / body.mass) for body in mechanism.bodies))
+    mass = max(body.mass for body in mechanism.bodies)
+    if length <= 0 or (_LENGTHS[0] <= length <= _LENGTHS[1] and _MASSES[0] <= mass <= _MASSES[1]):
+        return SI
+    time = 2.0 ** round(math.log2(length / _LENGTH) / 2)
+    return Units(time**2, 2.0 ** round(math.log2(mass / _MASS)), time)

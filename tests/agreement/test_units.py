@@ -1,0 +1,82 @@
+"""Machines of any size: the same errors in parts of it, from a thousandth of Table I to a thousand times."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from mechanisms import TABLE_ONE, chain_on_a_slot, position_error, scaled
+from trebucheck.comparisons.equivalence.checks import EXACT, check_model
+from trebucheck.engines.units import SI, units_of
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.problem import Problem
+from trebucheck.reference.solver import solve
+
+SIZES = (1e-3, 1e-2, 1e2, 1e3)
+ENGINES = ("mujoco", "pymunk", "exudyn")
+
+
+def _errors(machine: Mechanism, size: float, engine: str) -> list[float]:
+    """Errors of position, angles, reactions and energy at a step in proportion, in parts of the machine's own."""
+    time = math.sqrt(size)
+    problem = Problem(scaled(machine, size), 1.3 * time)
+    run = tb.engine(engine, timestep=2e-3 * time).simulate(problem)
+    solution = solve(problem)
+    exact = solution.trajectory(run.t)
+
+    peak = max(float(np.abs(force).max()) for force in exact.joint_reactions.values())
+    reactions = [np.abs(run.joint_reaction(name) - force).max() for name, force in exact.joint_reactions.items()]
+    return [
+        position_error(run, solution) / size,
+        float(np.abs(run.q - exact.q)[:, : len(machine.bodies)].max()),
+        float(max(reactions)) / peak,
+        float(np.abs(run.total_energy - exact.total_energy).max() / size**4),
+    ]
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("name", TABLE_ONE)
+def test_errors_are_the_same_part_of_any_size(name: str, engine: str, size: float) -> None:
+    machine = TABLE_ONE[name]
+    for here, there in zip(_errors(machine, size, engine), _errors(machine, 1.0, engine), strict=True):
+        assert here <= 3 * there
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("build", [tb.rolling, tb.catapult, tb.hinged, tb.floating_arm])
+def test_a_machine_of_any_size_is_the_same_machine(build: object, engine: str, size: float) -> None:
+    assert callable(build)
+    checks = check_model(tb.engine(engine), scaled(build(), size)).checks
+    assert checks
+    assert [(c.name, c.subject, c.value) for c in checks if c.value is None or c.value > EXACT] == []
+
+
+def test_units_are_powers_of_two_and_the_named_machines_keep_si() -> None:
+    for build in (tb.fixed, tb.rolling, tb.catapult, tb.hinged, tb.floating_arm):
+        assert units_of(build()) == SI
+    small = scaled(tb.rolling(), 1e-3)
+    units = units_of(small)
+    assert all(math.frexp(unit)[0] == 0.5 for unit in (units.length, units.mass, units.time))
+    inner = units.mechanism(small)
+    assert inner.gravity == small.gravity
+    assert max(abs(x) for joint in inner.joints for x in joint.parent_point) > 1.0
+
+
+def test_every_recorded_quantity_comes_back_in_si() -> None:
+    """A light chain on a slot, with stops, is built in units of its own; the reference knows SI only."""
+    size = 1e-2
+    problem = Problem(scaled(chain_on_a_slot(), size), 0.1, stop_law="unilateral")
+    assert units_of(problem.mechanism) != SI
+    exact = solve(problem)
+    for engine in ("mujoco", "exudyn"):
+        run = tb.engine(engine, timestep=1e-4).simulate(problem)
+        right = exact.trajectory(run.t)
+        for name, force in right.joint_reactions.items():
+            assert np.abs(run.joint_reactions[name] - force).max() < 1e-3 * np.abs(force).max(), name
+        for values, other in ((run.q, right.q), (run.u, right.u), (run.kinetic_energy, right.kinetic_energy)):
+            assert np.abs(values - other).max() < 1e-3 * np.abs(other).max()
+        assert run.t[-1] == pytest.approx(0.1, rel=1e-12)
