@@ -8,12 +8,14 @@ of lengths the square of those of times, so that gravity keeps its number. What 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..models.arrays import FloatArray
+from ..models.errors import SimulationError, UnsupportedProblemError
 from ..models.mechanism import AnyStop, Mechanism, PointStop, Stop
 from ..models.problem import Problem
 from ..models.spec import Vector
@@ -46,6 +48,15 @@ class Units:
     def effort(self, stop: AnyStop) -> float:
         """Unit of what a stop pushes with [N m or N]."""
         return self.force if isinstance(stop, PointStop) else self.energy
+
+    @contextmanager
+    def in_messages(self) -> Generator[None]:
+        """Say in an engine's errors that their numbers are in these units."""
+        try:
+            yield
+        except (SimulationError, UnsupportedProblemError) as error:
+            units = f"in units of {self.length:.6g} m, {self.mass:.6g} kg and {self.time:.6g} s"
+            raise type(error)(f"{str(error).removesuffix('.')} ({units}).") from error
 
     def coordinates(self, mechanism: Mechanism) -> FloatArray:
         """Of each coordinate, shape (n_q,): 1 of an angle, the length of a slide."""

@@ -57,7 +57,8 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         if units == SI:
             return inspect(mechanism, states, self)
         options = self.in_time_unit(units.time)
-        inspection = inspect(units.mechanism(mechanism), units.states(mechanism, states), options)
+        with units.in_messages():
+            inspection = inspect(units.mechanism(mechanism), units.states(mechanism, states), options)
         return units.inspection(inspection, mechanism)
 
     def _run(self, problem: Problem) -> Recording:
@@ -66,7 +67,8 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         units = self._units(problem.mechanism)
         if units == SI:
             return run(problem, self)
-        return units.recording(run(units.problem(problem), self.in_time_unit(units.time)), problem)
+        with units.in_messages():
+            return units.recording(run(units.problem(problem), self.in_time_unit(units.time)), problem)
 
     def _units(self, mechanism: Mechanism) -> Units:
         """SI where a stiffness is given in it, of stops on angles and on points alike."""

@@ -69,7 +69,8 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
         units = units_of(problem.mechanism)
         if units == SI:
             return run(problem, self)
-        return units.recording(run(units.problem(problem), self.in_time_unit(units.time)), problem)
+        with units.in_messages():
+            return units.recording(run(units.problem(problem), self.in_time_unit(units.time)), problem)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The built model's mass matrix, forces and forward dynamics in each state, its closed limits at rest."""
@@ -80,5 +81,6 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
         if units == SI:
             return inspect(mechanism, states, self)
         options = self.in_time_unit(units.time)
-        inspection = inspect(units.mechanism(mechanism), units.states(mechanism, states), options)
+        with units.in_messages():
+            inspection = inspect(units.mechanism(mechanism), units.states(mechanism, states), options)
         return units.inspection(inspection, mechanism)

@@ -10,6 +10,7 @@ import trebucheck as tb
 from mechanisms import TABLE_ONE, chain_on_a_slot, position_error, scaled
 from trebucheck.comparisons.equivalence.checks import EXACT, check_model
 from trebucheck.engines.units import SI, units_of
+from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.reference.solver import solve
@@ -80,3 +81,13 @@ def test_every_recorded_quantity_comes_back_in_si() -> None:
         for values, other in ((run.q, right.q), (run.u, right.u), (run.kinetic_energy, right.kinetic_energy)):
             assert np.abs(values - other).max() < 1e-3 * np.abs(other).max()
         assert run.t[-1] == pytest.approx(0.1, rel=1e-12)
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "exudyn"])
+def test_a_message_names_the_units_of_its_numbers(engine: str) -> None:
+    small = scaled(tb.fixed(), 1e-3)
+    moving = small.model_copy(update={"start_speeds": (0.0, 0.0, 5.0)})
+    with pytest.raises(
+        UnsupportedProblemError, match=r"at t = 0 \(in units of 0\.00\d+ m, [\d.e-]+ kg and 0\.03125 s\)\.$"
+    ):
+        tb.engine(engine, timestep=1e-4).simulate(Problem(moving, 0.01))
