@@ -43,7 +43,19 @@ class Case:
     @property
     def can_be_read(self) -> bool:
         """Whether there are samples enough."""
-        return self.compared > _FEWEST
+        return self.compared > _FEWEST and not self.misshapen
+
+    @property
+    def misshapen(self) -> dict[str, str]:
+        """Coordinates or speeds that are not of the mechanism's shape, and what they are instead."""
+        right = (len(self.whole.t), len(self.mechanism.coordinates))
+        given = {"coordinates": self.whole.q.shape, "speeds of coordinates": self.whole.u.shape}
+        return {name: f"{shape} instead of {right}" for name, shape in given.items() if shape != right}
+
+    @property
+    def missing_markers(self) -> tuple[str, ...]:
+        """Markers of the mechanism that the trajectory does not have."""
+        return tuple(marker.name for marker in self.mechanism.markers if marker.name not in self.whole.markers)
 
     @cached_property
     def trajectory(self) -> Trajectory:

@@ -54,7 +54,7 @@ def diagnose_motion(
     """
     case = Case(trajectory, solution, end)
     onset = find_onset(against(trajectory, solution, end), run.broken)
-    causes, likeliest = _ranked_causes(case, engine, simulate) if case.can_be_read else ((), 0)
+    causes, likeliest = _ranked_causes(case, engine, simulate) if case.can_be_read else ranked(_misshapen(case))
     return Diagnosis(
         leads=onset.first_violated if onset else run.broken[0].label,
         parts_at=onset.time if onset else None,
@@ -79,8 +79,15 @@ def _ranked_causes(case: Case, engine: Engine, simulate: Simulate) -> tuple[tupl
     return ranked(causes)
 
 
+def _misshapen(case: Case) -> Iterator[Cause]:
+    for name, shape in case.misshapen.items():
+        yield Cause(name=f"shape of the {name}", kind="reading", amount=shape, explained=1.0)
+
+
 def _outright_causes(case: Case) -> Iterator[Cause]:
-    """What a trajectory shows by itself: an early end, and values that are no numbers."""
+    """What a trajectory shows by itself: an early end, values that are no numbers, markers that it does not have."""
+    for name in case.missing_markers:
+        yield Cause(name=f"no marker {name}", kind="reading", explained=1.0)
     last, step = float(case.whole.t[-1]), case.step
     if last < case.end - 2 * step:
         amount = f"at {last:.6g} s instead of {case.end:.6g} s"

@@ -240,6 +240,8 @@ def _late(solution: Solution, r: Trajectory, step: float) -> Iterator[Reading]:
         "rate of time", (read(r.t * (1 + _INSTANT)),), lambda f: f"times {1 / (1 + f[0] * _INSTANT):.6g}", rated
     )
     yield shifted("time shifted", lambda x: x)
+    forces = {"stop_torques": r.stop_torques, "joint_reactions": r.joint_reactions}
+    yield shifted("motion shifted in time, and no force", lambda x: replace(x, **forces))
 
     def speeds(x: Trajectory) -> Points:
         return {n: PointMotion(m.position, x.markers[n].velocity) for n, m in r.markers.items()}

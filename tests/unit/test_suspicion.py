@@ -133,7 +133,10 @@ def test_a_run_without_samples_or_markers_has_a_diagnosis() -> None:
     short = solution.trajectory(np.linspace(0.0, 0.1, 2))
     assert _said(short, solution).named == ()
     bare = replace(right, markers={}, u=2 * right.u)
-    assert _said(bare, solution).named[0].amount == "times 2"
+    found = _said(bare, solution)
+    assert {"no marker projectile", "scale of the coordinates' speeds"} <= {cause.name for cause in found.causes}
+    turned = _said(replace(right, q=right.q.T), solution)
+    assert turned.named[0].name == "shape of the coordinates"
 
 
 def _pendulum(gravity: float = 9.81) -> tb.Mechanism:
