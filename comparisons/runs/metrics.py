@@ -9,7 +9,7 @@ of either, they are not compared; the instants are.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import zip_longest
@@ -230,8 +230,8 @@ def _torques(c: Comparison) -> Iterator[Metric]:
     for stop in c.trajectory.mechanism.stops:
         name, unit = stop.name, stop.force_unit
         torque = c.trajectory.stop_torques.get(name)
-        if torque is None:
-            yield _not_observed("stop_torque_max", name, unit)
+        if torque is None or name in c.solution.undetermined_stops:
+            yield _not_observed("stop_torque_max", name, unit, told=torque is not None)
             continue
         expected = c.reference.stop_torque(name)
         error = c.distance(torque, expected)
@@ -242,8 +242,9 @@ def _torques(c: Comparison) -> Iterator[Metric]:
         yield Metric(name="stop_impulse", subject=name, value=float(impulse), unit=f"{unit} s")
 
 
-def _not_observed(name: str, subject: str, unit: str) -> Metric:
-    return Metric(name=name, subject=subject, value=None, unit=unit, observed=False, note="the engine does not tell it")
+def _not_observed(name: str, subject: str, unit: str, *, told: bool) -> Metric:
+    note = "not unique: constraints are redundant" if told else "the engine does not tell it"
+    return Metric(name=name, subject=subject, value=None, unit=unit, observed=False, note=note)
 
 
 def _away_from_releases(c: Comparison) -> BoolArray:
@@ -257,15 +258,11 @@ def _away_from_releases(c: Comparison) -> BoolArray:
 
 
 def _reactions(c: Comparison) -> Iterator[Metric]:
-    undetermined: Iterable[str] = getattr(c.solution, "undetermined_joints", ())
+    undetermined = c.solution.undetermined_joints
     for joint in c.trajectory.mechanism.joints:
         name, force = joint.name, c.trajectory.joint_reactions.get(joint.name)
-        if force is None:
-            yield _not_observed("joint_reaction_max", name, "N")
-            continue
-        if name in undetermined:
-            note = "the loop is redundant: its reactions are not unique"
-            yield Metric(name="joint_reaction_max", subject=name, value=None, unit="N", observed=False, note=note)
+        if force is None or name in undetermined:
+            yield _not_observed("joint_reaction_max", name, "N", told=force is not None)
             continue
         error = c.largest(force, c.reference.joint_reaction(name))
         scale = np.linalg.norm(c.reference.joint_reaction(name)[c.keep], axis=1).max()

@@ -2,8 +2,9 @@
 
 A numerical error is a small disturbance of the equations, made in every step and carried on by the motion. So is a
 small change of a body's moment of inertia, and its effect can be computed for any mechanism, with stops and loops. The
-motion of the changed mechanism minus that of the unchanged one, in parts of the size and per part of the change, is the
-stretching. Where it is large, no tolerance means anything: any two integrators differ.
+motion of the changed mechanism minus that of the unchanged one, in parts of the size or in radians, whichever is more,
+and per part of the change, is the stretching. Where it is large any two integrators differ, and no tolerance means
+anything.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from .scales import extent, size
 
 LIMIT = 100.0
 """Where a hundred-thousandth of a body's inertia, less than any is known to, moves the mechanism by the default
-tolerance of a thousandth of its size, nothing is judged any more but invariants."""
+tolerance of a thousandth of its size or of a radian, nothing is judged any more but invariants."""
 _CHANGE = 1e-6
 """Of mass times length squared of one body."""
 _TOLERANCE = 1e-9  # of the integrations: a thousandth of what the change moves
@@ -41,15 +42,15 @@ def stretching(solution: Solution, end: float) -> tuple[FloatArray, FloatArray]:
     """
     t = np.linspace(0.0, end, _SAMPLES)
     problem = solution.problem
-    points = _points(solve(_problem(problem, problem.mechanism, end), _TOLERANCE, _TOLERANCE), t)
+    motion = _motion(solve(_problem(problem, problem.mechanism, end), _TOLERANCE, _TOLERANCE), t)
     largest = np.zeros(len(t))
     for body in problem.mechanism.bodies:
         changed = _with_more_inertia(problem.mechanism, body)
         try:
-            moved = _points(solve(_problem(problem, changed, end), _TOLERANCE, _TOLERANCE), t)
+            moved = _motion(solve(_problem(problem, changed, end), _TOLERANCE, _TOLERANCE), t)
         except TrebucheckError:
-            moved = np.full_like(points, np.inf)
-        distance = np.abs(moved - points).max(axis=0) / (size(problem.mechanism) * _CHANGE)
+            moved = np.full_like(motion, np.inf)
+        distance = np.abs(moved - motion).max(axis=0) / _CHANGE
         largest = np.maximum(largest, distance)
     return t, np.maximum.accumulate(largest)
 
@@ -74,12 +75,9 @@ def _with_more_inertia(mechanism: Mechanism, body: Body) -> Mechanism:
     return mechanism.model_copy(update={"bodies": bodies})
 
 
-def _points(solution: Solution, t: FloatArray) -> NDArray[np.complex128]:
-    """Farthest points of all bodies as complex numbers [m], shape (n_points, n)."""
-    kinematics, q = solution.equations.kinematics, solution.motion(t).q
-    rows: list[NDArray[np.complex128]] = []
-    for i, body in enumerate(solution.problem.mechanism.bodies):
-        centre = kinematics.position(kinematics.point(body.name, body.centre), q)
-        rows.append(centre[:, 0] + 1j * centre[:, 1])
-        rows.append(np.asarray(extent(solution.problem.mechanism, body) * np.exp(-1j * q[:, i]), dtype=np.complex128))
-    return np.array(rows)
+def _motion(solution: Solution, t: FloatArray) -> NDArray[np.complex128]:
+    """Centres of the bodies in parts of the size, as complex numbers, and angles [rad]; shape (n_quantities, n)."""
+    mechanism, kinematics, q = solution.problem.mechanism, solution.equations.kinematics, solution.motion(t).q
+    centres = [kinematics.position(kinematics.point(body.name, body.centre), q) for body in mechanism.bodies]
+    places = [(centre[:, 0] + 1j * centre[:, 1]) / size(mechanism) for centre in centres]
+    return np.array([*places, *q[:, : len(mechanism.bodies)].T])

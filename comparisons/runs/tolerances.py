@@ -25,6 +25,7 @@ from ...models.mechanism import Mechanism
 from ...models.spec import Real, Spec
 from ...reference.certification.certificate import REFUSED_BELOW, refusal
 from ...reference.solver import solve_to_launch
+from .metrics import THROWN
 from .quantities import QUANTITIES, Quantity, judged_quantity
 from .results import Machine, Metric, Run
 from .scales import Scales, scales_until
@@ -34,7 +35,10 @@ DEFAULT = 1e-3
 """Of the scale: three digits, as fine as a plot shows and finer than the masses of most machines are known."""
 _EVERYTHING = "default"
 _OTHER_MACHINES = 10.0
-"""A claim is stated for Table I; other machines may be so much less favourable beyond size and stretching."""
+"""Allowance for a machine other than Table I of a tolerance in plain units."""
+_CARRIED = 100.0
+"""Of a claim that is carried to another machine, beyond size, step and stretching: so much more a launch that comes
+late, or a rest that holds for long, takes of random machines; the default bounds it."""
 
 Source = Literal["need", "claim", "default"]
 
@@ -273,21 +277,28 @@ def _step(run: Run) -> float | None:
 
 
 def _claim(metric: Metric, quantity: Quantity, scale: float, run: Run, machine: Machine) -> AppliedTolerance | None:
-    """The engine's own, carried from Table I to this machine."""
+    """The engine's own, carried from Table I to this machine; claims are stated for motions without impacts."""
     of, step = (run.engine, run.preset, metric.name, metric.subject, machine.mechanism), _step(run)
+    if machine.impacts:
+        return None
+    scales, usual, mechanism = _table_one()
+    stretched = max(1.0, machine.stretching / usual)
     if machine.table_one:
         stated = tolerance_for(*of, step, table_one=True)
-        return stated and AppliedTolerance(stated.value * _share(stated, metric, machine), "claim", stated.reason)
-    scales, usual, mechanism = _table_one()
-    stated = tolerance_for(*of, step and step * scales.time / machine.scales.time, table_one=False)
+        return stated and _on_table_one(stated, metric, machine, stretched)
+    stated = tolerance_for(*of, step and step * scales.time / machine.scales.time, table_one=True)
     if stated is None:
         return None
-    part = stated.value if stated.stated.per else stated.value / _largest_scale(quantity, scales, mechanism)
-    stretched = max(1.0, machine.stretching / usual)
-    reason = (
-        stated.reason if stretched == 1.0 else f"{stated.reason}; times {stretched:.3g} for the motion's stretching"
-    )
-    return AppliedTolerance(part * scale * stretched, "claim", reason)
+    part = stated.value if stated.stated.per else stated.value / _stated_scale(quantity, scales, mechanism)
+    reason = f"{stated.reason} on Table I; the same part of the scale, times {_CARRIED * stretched:.3g}"
+    return AppliedTolerance(part * scale * _CARRIED * stretched, "claim", reason)
+
+
+def _on_table_one(stated: StatedTolerance, metric: Metric, machine: Machine, stretched: float) -> AppliedTolerance:
+    """As it is stated up to the launch of what is thrown; with the motion's stretching beyond."""
+    to_launch = machine.thrown == THROWN and machine.judged_to <= (machine.launch_time or 0.0) * (1 + 1e-9)
+    value = stated.value * _share(stated, metric, machine) * (1.0 if to_launch else stretched)
+    return AppliedTolerance(value, "claim", stated.reason)
 
 
 def _share(stated: StatedTolerance, metric: Metric, machine: Machine) -> float:
@@ -298,7 +309,7 @@ def _share(stated: StatedTolerance, metric: Metric, machine: Machine) -> float:
     return start if stated.stated.per == "start" and start > 0 else machine.scales.torques[metric.subject]
 
 
-def _largest_scale(quantity: Quantity, scales: Scales, mechanism: Mechanism) -> float:
-    """Of a quantity on a mechanism; of stops that of the largest torque."""
-    subject = max(scales.torques, key=lambda name: scales.torques[name])
-    return quantity.scale_of(scales, subject, mechanism)
+def _stated_scale(quantity: Quantity, scales: Scales, mechanism: Mechanism) -> float:
+    """Of a quantity on the machine that claims are stated for; of stops that are closed the least."""
+    closed = [stop.name for stop in mechanism.stops if stop.closed]
+    return quantity.scale_of(scales, min(closed, key=lambda name: scales.torques[name]), mechanism)

@@ -144,7 +144,8 @@ def test_tolerances_grow_with_the_order_and_do_not_sharpen() -> None:
     assert _tolerance(1e-4) == pytest.approx(2.5e-5)
     assert _tolerance(5e-4) == pytest.approx(25 * 2.5e-5)
     assert _tolerance(1e-5) == pytest.approx(2.5e-5)
-    assert _tolerance(1e-3, table_one=False) == pytest.approx(2e-2)
+    assert _tolerance(1e-4, table_one=False) == pytest.approx(100 * 2.5e-5)
+    assert _tolerance(1e-3, table_one=False) == pytest.approx(1e-3 * 26.0)  # the default is stricter
     assert _tolerance(1e-3, name="position_rms") is None  # it follows from the largest
     assert _tolerance(1e-2) == pytest.approx(1e-3 * 26.0)  # no claim is looser than the default
 
