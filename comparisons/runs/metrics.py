@@ -19,6 +19,7 @@ from scipy.integrate import trapezoid
 
 from ...models.arrays import BoolArray, FloatArray
 from ...models.launch import LAUNCH_ANGLE
+from ...models.mechanism import GROUND, SlotJoint
 from ...models.problem import StopLaw
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
@@ -26,9 +27,10 @@ from .results import Metric
 from .scales import Scales, scales_until
 
 _RELEASE_GUARD = 1.5  # steps around an event within which a sample may fall on its other side
-_SAME_END = 1e-9  # of the end: an event so little beyond it is still within
 _COUNTED_IMPACTS = 10  # of each stop: the first ones; further ones pile up in a shorter and shorter time
-_RESOLVED = 0.5  # characteristic times: a longer interval between two samples leaves motion unseen
+_RESOLVED = 0.5  # characteristic times, or of the end: a longer interval between two samples leaves motion unseen
+SAME_END = 1e-9
+"""Of the end: an event so little beyond it is still within."""
 THROWN = "projectile"
 """The marker whose launch is measured, unless another one is named."""
 
@@ -84,9 +86,14 @@ class Comparison:
         difference = (values - reference)[self.keep]
         return np.abs(difference) if difference.ndim == 1 else np.linalg.norm(difference, axis=-1)
 
-    def largest(self, values: FloatArray, reference: FloatArray) -> float:
-        """Largest distance at the compared times away from impacts; 0 where there is no such time."""
-        return float(self.distance(values, reference)[self.smooth].max(initial=0.0))
+    def largest(
+        self, name: str, values: FloatArray, reference: FloatArray, unit: str, subject: str | None = None
+    ) -> Metric:
+        """Metric of the largest distance at the compared times away from impacts, if there is such a time."""
+        if not self.smooth.any():
+            return _not_observed(name, subject, unit, "every sample is at an impact")
+        value = float(self.distance(values, reference)[self.smooth].max())
+        return Metric(name=name, subject=subject, value=value, unit=unit)
 
 
 def against(trajectory: Trajectory, solution: Solution, end: float, reference: Trajectory | None = None) -> Comparison:
@@ -133,20 +140,18 @@ def _positions(c: Comparison) -> Iterator[Metric]:
         error = c.distance(motion.position, expected.position)
         yield Metric(name="position_max", subject=name, value=error.max(), unit="m")
         yield Metric(name="position_rms", subject=name, value=_rms(error), unit="m")
-        speed = c.largest(motion.velocity, expected.velocity)
-        yield Metric(name="velocity_max", subject=name, value=speed, unit="m/s")
+        yield c.largest("velocity_max", motion.velocity, expected.velocity, "m/s", name)
 
 
 def _coordinates(c: Comparison) -> Iterator[Metric]:
     n_bodies = len(c.trajectory.mechanism.bodies)
     for i, name in enumerate(c.trajectory.mechanism.coordinates):
         value = float(c.distance(c.trajectory.q[:, i], c.reference.q[:, i]).max())
-        speed = c.largest(c.trajectory.u[:, i], c.reference.u[:, i])
         turns = i < n_bodies
         kind, unit = ("angle_max", "rad") if turns else ("slide_max", "m")
         yield Metric(name=kind, subject=name, value=value, unit=unit)
         kind, unit = ("angular_speed_max", "rad/s") if turns else ("slide_speed_max", "m/s")
-        yield Metric(name=kind, subject=name, value=speed, unit=unit)
+        yield c.largest(kind, c.trajectory.u[:, i], c.reference.u[:, i], unit, name)
 
 
 def _launch(c: Comparison) -> Iterator[Metric]:
@@ -175,7 +180,7 @@ def _releases(c: Comparison) -> Iterator[Metric]:
 
 
 def _either_within(c: Comparison, *times: float | None) -> bool:
-    return any(time is not None and time <= c.end * (1 + _SAME_END) for time in times)
+    return any(time is not None and time <= c.end * (1 + SAME_END) for time in times)
 
 
 def _event_metric(
@@ -213,8 +218,7 @@ def _impacts(c: Comparison) -> Iterator[Metric]:
         if not _either_within(c, *times, *expected):
             continue
         if not c.trajectory.impacts:
-            note = "the engine resolves no impacts; its motion is judged"
-            yield Metric(name="impact_time", subject=stop.name, value=None, unit="s", observed=False, note=note)
+            yield _not_observed("impact_time", stop.name, "s", "the engine resolves no impacts; its motion is judged")
             continue
         yield _worst_impact(c, stop.name, times, expected)
 
@@ -230,21 +234,23 @@ def _torques(c: Comparison) -> Iterator[Metric]:
     for stop in c.trajectory.mechanism.stops:
         name, unit = stop.name, stop.force_unit
         torque = c.trajectory.stop_torques.get(name)
-        if torque is None or name in c.solution.undetermined_stops:
-            yield _not_observed("stop_torque_max", name, unit, told=torque is not None)
+        if torque is None:
+            yield _not_observed("stop_torque_max", name, unit)
+            continue
+        if name in c.solution.undetermined_stops:
+            yield _not_observed("stop_torque_max", name, unit, "not unique: constraints are redundant")
             continue
         expected = c.reference.stop_torque(name)
         error = c.distance(torque, expected)
         impulse = trapezoid(torque[c.keep], c.t) - trapezoid(expected[c.keep], c.t)
-        yield Metric(name="stop_torque_max", subject=name, value=error[c.smooth].max(initial=0.0), unit=unit)
+        yield c.largest("stop_torque_max", torque, expected, unit, name)
         if settled.any():
             yield Metric(name="stop_torque_settled", subject=name, value=error[settled].max(), unit=unit)
         yield Metric(name="stop_impulse", subject=name, value=float(impulse), unit=f"{unit} s")
 
 
-def _not_observed(name: str, subject: str, unit: str, *, told: bool) -> Metric:
-    note = "not unique: constraints are redundant" if told else "the engine does not tell it"
-    return Metric(name=name, subject=subject, value=None, unit=unit, observed=False, note=note)
+def _not_observed(name: str, subject: str | None, unit: str, why: str = "the engine does not tell it") -> Metric:
+    return Metric(name=name, subject=subject, value=None, unit=unit, observed=False, note=why)
 
 
 def _away_from_releases(c: Comparison) -> BoolArray:
@@ -258,27 +264,27 @@ def _away_from_releases(c: Comparison) -> BoolArray:
 
 
 def _reactions(c: Comparison) -> Iterator[Metric]:
-    undetermined = c.solution.undetermined_joints
     for joint in c.trajectory.mechanism.joints:
         name, force = joint.name, c.trajectory.joint_reactions.get(joint.name)
-        if force is None or name in undetermined:
-            yield _not_observed("joint_reaction_max", name, "N", told=force is not None)
+        if force is None:
+            yield _not_observed("joint_reaction_max", name, "N")
             continue
-        error = c.largest(force, c.reference.joint_reaction(name))
-        scale = np.linalg.norm(c.reference.joint_reaction(name)[c.keep], axis=1).max()
-        yield Metric(name="joint_reaction_max", subject=name, value=error, unit="N")
-        if scale > 0:
-            yield Metric(name="joint_reaction_relative", subject=name, value=error / scale, unit="1")
+        if name in c.solution.undetermined_joints:
+            yield _not_observed("joint_reaction_max", name, "N", "not unique: constraints are redundant")
+            continue
+        error = c.largest("joint_reaction_max", force, c.reference.joint_reaction(name), "N", name)
+        yield error
+        scale = float(np.linalg.norm(c.reference.joint_reaction(name)[c.keep], axis=1).max())
+        if scale > 0 and error.value is not None:
+            yield Metric(name="joint_reaction_relative", subject=name, value=error.value / scale, unit="1")
 
 
 def _energy(c: Comparison) -> Iterator[Metric]:
     own, expected = c.trajectory, c.reference
-    kinetic = c.largest(own.kinetic_energy, expected.kinetic_energy)
-    yield Metric(name="kinetic_energy_max", value=kinetic, unit="J")
+    yield c.largest("kinetic_energy_max", own.kinetic_energy, expected.kinetic_energy, "J")
     potential = c.distance(own.potential_energy, expected.potential_energy).max()
     yield Metric(name="potential_energy_max", value=potential, unit="J")
-    balance = c.lasting.largest(own.total_energy, expected.total_energy)
-    yield Metric(name="energy_balance", value=balance, unit="J")
+    yield c.lasting.largest("energy_balance", own.total_energy, expected.total_energy, "J")
     yield from _drift(c.lasting)
     yield from _momentum(c.lasting)
 
@@ -295,10 +301,11 @@ def _drift(c: Comparison) -> Iterator[Metric]:
 
 
 def _momentum(c: Comparison) -> Iterator[Metric]:
-    """Where the machine may slide along x nothing pushes it that way: its momentum along x is an invariant."""
-    slides = c.trajectory.mechanism.slides
-    pushed = [stop for stop in c.trajectory.mechanism.point_stops if stop.normal[0] != 0]
-    if len(slides) != 1 or slides[0].axis != (1.0, 0.0) or pushed or c.trajectory.mechanism.loop_joints:
+    """Where all that holds the machine are slots along x, its momentum along x is an invariant."""
+    mechanism = c.trajectory.mechanism
+    holds = [joint for joint in mechanism.joints if joint.parent == GROUND]
+    level = all(isinstance(joint, SlotJoint) and joint.axis[1] == 0 for joint in holds)
+    if not level or any(stop.normal[0] != 0 for stop in mechanism.point_stops):
         return
     moved = np.abs(c.trajectory.momentum[c.keep, 0] - c.reference.momentum[0, 0]).max()
     yield Metric(name="horizontal_momentum", value=float(moved), unit="kg m/s")
@@ -306,12 +313,12 @@ def _momentum(c: Comparison) -> Iterator[Metric]:
 
 def _constraints(c: Comparison) -> Iterator[Metric]:
     for stop in c.trajectory.mechanism.stops:
-        gap = c.trajectory.stop_gap(stop.name)[c.keep]
+        gap, unit = c.trajectory.stop_gap(stop.name)[c.keep], stop.gap_unit
         if stop.closed:
             # Held until the earlier of the two releases: in between, the two differ by the release time.
             times = [c.end, c.trajectory.release_time(stop.name), c.reference.release_time(stop.name)]
             held = c.t <= min(time for time in times if time is not None)
-            yield Metric(name="stop_gap_held", subject=stop.name, value=np.abs(gap[held]).max(), unit=stop.gap_unit)
+            yield Metric(name="stop_gap_held", subject=stop.name, value=np.abs(gap[held]).max(initial=0.0), unit=unit)
     yield from _complementarity(c)
     for name, gap in c.trajectory.joint_gaps.items():
         yield Metric(name="joint_gap_max", subject=name, value=np.abs(gap[c.lasting.keep]).max(), unit="m")
@@ -321,21 +328,22 @@ def _complementarity(c: Comparison) -> Iterator[Metric]:
     """How well gap >= 0, torque >= 0 and torque * gap = 0 hold: the law of a stop that can close again."""
     if c.solution.problem.stop_law is not StopLaw.UNILATERAL:  # whatever the engine says that it followed
         return
-    for name, torque in c.trajectory.stop_torques.items():
-        gap = c.trajectory.stop_gap(name)[c.keep]
-        peak, unit = float(torque[c.keep].max()), c.trajectory.mechanism.stop(name).gap_unit
+    for stop in c.trajectory.mechanism.stops:
+        gap, name, unit = c.trajectory.stop_gap(stop.name)[c.keep], stop.name, stop.gap_unit
         yield Metric(name="stop_penetration", subject=name, value=max(0.0, -float(gap.min())), unit=unit)
+        torque = c.trajectory.stop_torques.get(name, np.zeros(len(c.keep)))[c.keep]
+        peak = float(torque.max())
         if peak > 0:
-            product = float(np.abs(torque[c.keep] * gap).max()) / peak
+            product = float(np.abs(torque * gap).max()) / peak
             yield Metric(name="complementarity", subject=name, value=product, unit=unit)
 
 
 def _missing_time(c: Comparison) -> Iterator[Metric]:
     """How much of the compared time has no samples: before a late start, after an early end, in long intervals."""
     end = c.lasting.end
-    intervals = np.diff(np.concatenate([[0.0], c.lasting.t, [end]]))
-    unseen = intervals[:-1][intervals[:-1] > _RESOLVED * c.scales.time].sum()
-    missing = unseen + (intervals[-1] if c.trajectory.t[-1] < end else 0.0)
+    t = np.minimum(np.concatenate([[0.0], c.trajectory.t]), end)
+    intervals = np.diff(t)
+    missing = intervals[intervals > _RESOLVED * min(c.scales.time, end)].sum() + end - t[-1]
     yield Metric(name="missing_time", value=float(missing), unit="s")
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.launch import Launch
 from ...models.trajectory import Trajectory
-from .metrics import THROWN
+from .metrics import SAME_END, THROWN
 from .results import Pair
 
 
@@ -48,7 +48,7 @@ def pair_of(model: str, labels: tuple[str, str], first: Compared, second: Compar
         first=labels[0],
         second=labels[1],
         position_max=max(distances, default=None),
-        release_time_max=_release_difference(first, second),
+        release_time_max=_release_difference(first, second, end),
         launch_speed=speeds[0] - speeds[1] if len(speeds) == 2 else None,
     )
 
@@ -60,10 +60,12 @@ def _position_difference(first: Compared, second: Compared, marker: str, end: fl
     return float(np.linalg.norm(coarse.errors[marker][: len(t)] - interpolated, axis=1).max())
 
 
-def _release_difference(first: Compared, second: Compared) -> float | None:
+def _release_difference(first: Compared, second: Compared, end: float) -> float | None:
     differences: list[float] = []
     for name, first_time in first.release_times.items():
         second_time = second.release_times.get(name)
+        if all(time is None or time > end * (1 + SAME_END) for time in (first_time, second_time)):
+            continue
         if (first_time is None) != (second_time is None):
             return None
         if first_time is not None and second_time is not None:

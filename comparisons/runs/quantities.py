@@ -6,7 +6,7 @@ one fact twice would make an agreement look broader than it is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from ...models.errors import InputError
@@ -30,6 +30,20 @@ class Quantity:
     """Metric from which it follows, and which is judged in its place."""
     event: bool = False
     """It is the time of an event."""
+    of: str = ""
+    """What its subjects are: 'marker', 'angle', 'slide', 'stop', 'closed stop' or 'joint'; '' the whole mechanism."""
+
+    def subjects(self, mechanism: Mechanism) -> tuple[str, ...]:
+        """Names that a tolerance of it can be stated for."""
+        of: dict[str, Iterable[str | None]] = {
+            "marker": (marker.name for marker in mechanism.markers),
+            "angle": (body.angle for body in mechanism.bodies),
+            "slide": (joint.coordinate for joint in mechanism.slides),
+            "stop": (stop.name for stop in mechanism.stops),
+            "closed stop": (stop.name for stop in mechanism.stops if stop.closed),
+            "joint": (joint.name for joint in mechanism.joints),
+        }
+        return tuple(name for name in of.get(self.of, ()) if name is not None)
 
     def scale_of(self, scales: Scales, subject: str | None, mechanism: Mechanism) -> float:
         """What parts of it are measured in, in the metric's unit."""
@@ -45,21 +59,21 @@ class Quantity:
 
 
 _ALL = (
-    Quantity("position_max", "position", "length"),
+    Quantity("position_max", "position", "length", of="marker"),
     Quantity("position_rms", "position (mean square)", "length", follows="position_max"),
-    Quantity("velocity_max", "speed", "speed"),
-    Quantity("angle_max", "angle", "angle"),
-    Quantity("slide_max", "slide", "length"),
-    Quantity("angular_speed_max", "angular-speed", "angular_speed"),
-    Quantity("slide_speed_max", "slide-speed", "speed"),
+    Quantity("velocity_max", "speed", "speed", of="marker"),
+    Quantity("angle_max", "angle", "angle", of="angle"),
+    Quantity("slide_max", "slide", "length", of="slide"),
+    Quantity("angular_speed_max", "angular-speed", "angular_speed", of="angle"),
+    Quantity("slide_speed_max", "slide-speed", "speed", of="slide"),
     Quantity("launch_time", "launch-time", "time", event=True),
     Quantity("launch_speed", "launch-speed", "speed"),
-    Quantity("release_time", "release", "time", event=True),
-    Quantity("impact_time", "impact", "time", event=True),
-    Quantity("stop_torque_max", "stop-torque", "stop"),
+    Quantity("release_time", "release", "time", event=True, of="closed stop"),
+    Quantity("impact_time", "impact", "time", event=True, of="stop"),
+    Quantity("stop_torque_max", "stop-torque", "stop", of="stop"),
     Quantity("stop_torque_settled", "stop-torque (away from releases)", "stop", follows="stop_torque_max"),
     Quantity("stop_impulse", "stop-impulse", "", follows="stop_torque_max"),
-    Quantity("joint_reaction_max", "reaction", "force"),
+    Quantity("joint_reaction_max", "reaction", "force", of="joint"),
     Quantity("joint_reaction_relative", "reaction (relative)", "", follows="joint_reaction_max"),
     Quantity("kinetic_energy_max", "kinetic-energy", "energy"),
     Quantity("potential_energy_max", "potential-energy", "energy"),
@@ -67,10 +81,10 @@ _ALL = (
     Quantity("energy_drift", "energy (of the start's)", "", follows="energy_balance"),
     Quantity("energy_drift_kinetic", "energy (of the kinetic)", "", follows="energy_balance"),
     Quantity("horizontal_momentum", "momentum", "momentum"),
-    Quantity("stop_gap_held", "stop-gap", "gap"),
-    Quantity("stop_penetration", "penetration", "gap"),
+    Quantity("stop_gap_held", "stop-gap", "gap", of="closed stop"),
+    Quantity("stop_penetration", "penetration", "gap", of="stop"),
     Quantity("complementarity", "complementarity", "gap", follows="stop_penetration"),
-    Quantity("joint_gap_max", "joint-gap", "length"),
+    Quantity("joint_gap_max", "joint-gap", "length", of="joint"),
     Quantity("missing_time", "duration", "time"),
 )
 

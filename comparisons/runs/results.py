@@ -82,8 +82,9 @@ class Metric(Spec):
 
     @property
     def unjudged(self) -> bool:
-        """Whether it was compared, stands for itself, and yet has no tolerance."""
-        return self.observed and self.follows is None and self.tolerance is None
+        """Whether it was compared or asked for, stands for itself, and yet has no tolerance."""
+        wanted = self.observed or self.source == "need"
+        return wanted and self.follows is None and self.tolerance is None
 
 
 class Check(Spec):

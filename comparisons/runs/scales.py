@@ -20,6 +20,8 @@ from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 
 _SAMPLES = 801
+_LONGEST = 10.0
+"""Longest characteristic time in parts of the end: in what hardly moves, times are still known to a hundredth of it."""
 _LEAST = 1e-6
 """Least speed and force in parts of those that gravity gives: of a swing of a thousandth of a degree."""
 _SHORTEST = 1e-9  # characteristic times: an end before that has no speed of its own
@@ -34,7 +36,9 @@ class Scales(Spec):
 
     length: Positive = Field(description="sum of the bodies' lengths [m]")
     angle: Positive = Field(default=1.0, description="[rad]")
-    time: Positive = Field(description="characteristic time: length over speed, or sqrt(length / gravity) if less [s]")
+    time: Positive = Field(
+        description="characteristic time: least of length over speed, sqrt(length / gravity) and ten times the end [s]"
+    )
     speed: Positive = Field(description="largest of any centre of mass or marker [m/s]")
     angular_speed: Positive = Field(description="largest of any body, or speed over length if more [rad/s]")
     mass: Positive = Field(description="of all bodies [kg]")
@@ -66,9 +70,10 @@ def scales_until(solution: Solution, end: float) -> Scales:
     mass, gravity = sum(body.mass for body in mechanism.bodies), mechanism.gravity
     length = size(mechanism) or 1.0
     shortest = _SHORTEST * (math.sqrt(length / gravity) if gravity else 1.0)
-    least = _LEAST * max(math.sqrt(gravity * length), length / max(end, shortest))
+    end = max(end, shortest)
+    least = _LEAST * max(math.sqrt(gravity * length), length / end)
     speed = max(_largest_speed(reference), least)
-    times = [length / speed, *([math.sqrt(length / gravity)] if gravity else [])]
+    times = [length / speed, _LONGEST * end, *([math.sqrt(length / gravity)] if gravity else [])]
     least_force = _LEAST * mass * max(gravity, speed**2 / length)
     force = max(_largest_force(reference), least_force)
     kinetic = float(reference.kinetic_energy.max())

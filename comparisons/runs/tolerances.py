@@ -1,9 +1,10 @@
 """What each figure of a run is held against: a user's need, the engine's claim, or a default.
 
 * A **need** is stated by whoever asks, in the quantity's unit or in parts of its scale ('0.1%').
-* A **claim** is an engine's own (`engines/<name>/study.py`), stated for a step on the fixed machine of Table I. On
-  another machine it is the same part of the scale, at the same part of the characteristic time; it grows with the
-  engine's order in the step and with the motion's stretching (:mod:`.stretching`), which multiplies every error.
+* A **claim** is an engine's own (`engines/<name>/study.py`), stated for a step on the fixed machine of Table I up to
+  its launch. On another machine, and beyond the launch, it is the same part of the scale, at the same part of the
+  characteristic time; it grows with the engine's order in the step and with the motion's stretching
+  (:mod:`.stretching`), which multiplies every error.
 * The **default** holds for every engine and preset: three digits of the scale. No claim is looser.
 
 A tolerance finer than ten times the reference's own uncertainty cannot be judged, unless the error is larger than both.
@@ -34,6 +35,8 @@ from .stretching import stretching_at
 DEFAULT = 1e-3
 """Of the scale: three digits, as fine as a plot shows and finer than the masses of most machines are known."""
 _EVERYTHING = "default"
+_LOCATES = ("locate_releases", "located_releases")
+"""Options by which engines locate events."""
 _OTHER_MACHINES = 10.0
 """Allowance for a machine other than Table I of a tolerance in plain units."""
 _CARRIED = 100.0
@@ -94,7 +97,7 @@ class Needs:
         """From values by quantity ('position', 'release'), by quantity and subject ('position:tip'), or 'default'.
 
         Raises:
-            InputError: a quantity is unknown, a value is not valid, or the default is not relative.
+            InputError: a quantity is unknown or stated twice, a value is not valid, or the default is not relative.
         """
         needs: dict[tuple[str, str | None], Need] = {}
         default: Need | None = None
@@ -106,7 +109,10 @@ class Needs:
                 default = need
                 continue
             title, _, subject = name.partition(":")
-            needs[judged_quantity(title).name, subject or None] = need
+            key = judged_quantity(title).name, subject or None
+            if key in needs:
+                raise InputError(f"tolerance {name[:60]!r} is stated twice, as {needs[key].text!r} and {need.text!r}.")
+            needs[key] = need
         return cls(needs, default)
 
     def need(self, metric: Metric) -> Need | None:
@@ -114,16 +120,18 @@ class Needs:
         return self.by_quantity.get((metric.name, metric.subject), self.by_quantity.get((metric.name, None)))
 
     def refuse_unknown_subjects(self, mechanisms: tuple[Mechanism, ...]) -> None:
-        """Refuse a subject that no mechanism has.
+        """Refuse a subject that the quantity has on no mechanism.
 
         Raises:
             InputError: the sentence names it.
         """
-        known = {name for each in mechanisms for name in _subjects(each)}
         for metric, subject in self.by_quantity:
+            quantity = QUANTITIES[metric]
+            known = {name for each in mechanisms for name in quantity.subjects(each)}
             if subject is not None and subject not in known:
-                title = QUANTITIES[metric].title
-                raise InputError(f"tolerance {title}:{subject[:60]}: nothing has that name; there are {sorted(known)}.")
+                there = f"there are {sorted(known)}" if quantity.of else "it is of the whole mechanism"
+                what = quantity.of or "subject"
+                raise InputError(f"tolerance {quantity.title}:{subject[:60]}: there is no such {what}; {there}.")
 
     @property
     def texts(self) -> dict[str, str]:
@@ -131,11 +139,6 @@ class Needs:
         names = {key: QUANTITIES[key[0]].title + (f":{key[1]}" if key[1] else "") for key in self.by_quantity}
         stated = {names[key]: need.text for key, need in self.by_quantity.items()}
         return stated | ({_EVERYTHING: self.default.text} if self.default else {})
-
-
-def _subjects(mechanism: Mechanism) -> set[str]:
-    named = (*mechanism.markers, *mechanism.stops, *mechanism.joints)
-    return {each.name for each in named} | set(mechanism.coordinates)
 
 
 @dataclass(frozen=True)
@@ -219,8 +222,10 @@ def judge(run: Run, machine: Machine, needs: Needs | None = None) -> tuple[Metri
 
 def _judged(metric: Metric, run: Run, machine: Machine, needs: Needs) -> Metric:
     quantity = QUANTITIES.get(metric.name)
-    if quantity is None or not metric.observed:
+    if quantity is None:
         return metric
+    if not metric.observed:  # what was asked for and cannot be judged is no agreement
+        return metric.model_copy(update={"source": "need"}) if needs.need(metric) else metric
     if quantity.follows is not None:
         return metric.model_copy(update={"follows": quantity.follows})
     applied = _applied(metric, quantity, run, machine, needs)
@@ -229,14 +234,18 @@ def _judged(metric: Metric, run: Run, machine: Machine, needs: Needs) -> Metric:
     most = DEFAULT * quantity.scale_of(machine.scales, metric.subject, machine.mechanism)
     applied = _vouched(applied, uncertainty, most)
     refused = refusal(metric.name, metric.subject, applied.value, uncertainty)
-    if refused is not None and not _surely_broken(metric, applied.value, uncertainty):
+    if refused is not None and not _surely_broken(metric, applied.value, uncertainty, most / DEFAULT):
         return metric.model_copy(update={"note": refused})
     return metric.model_copy(update={"tolerance": applied.value, "source": applied.source, "reason": applied.reason})
 
 
-def _surely_broken(metric: Metric, tolerance: float, uncertainty: float | None) -> bool:
-    """Whether the error is beyond the tolerance by more than the reference can be wrong."""
-    return metric.value is None or abs(metric.value) > tolerance + REFUSED_BELOW * (uncertainty or 0.0)
+def _surely_broken(metric: Metric, tolerance: float, uncertainty: float | None, scale: float) -> bool:
+    """Whether the error is beyond the tolerance by more than the reference can be wrong.
+
+    An event that only one of the two has is, unless the reference itself does not know whether it has it.
+    """
+    known = uncertainty or 0.0
+    return known < scale if metric.value is None else abs(metric.value) > tolerance + REFUSED_BELOW * known
 
 
 def _vouched(applied: AppliedTolerance, uncertainty: float | None, most: float) -> AppliedTolerance:
@@ -266,7 +275,8 @@ def _default(metric: Metric, quantity: Quantity, scale: float, run: Run, asked: 
     part = DEFAULT if asked is None else asked.value
     value, reason = part * scale, f"{100 * part:g} % of {scale:.4g} {metric.unit}, for every engine"
     step, located = _step(run), engine_class(run.engine).capabilities.located_releases
-    if quantity.event and step is not None and not run.settings.get("located_releases", located):
+    located = located and all(run.settings.get(option, True) for option in _LOCATES)
+    if quantity.event and step is not None and not located:
         return AppliedTolerance(value + step, "default", f"{reason}, and the step in which it does not locate an event")
     return AppliedTolerance(value, "default", reason)
 
@@ -282,23 +292,22 @@ def _claim(metric: Metric, quantity: Quantity, scale: float, run: Run, machine: 
     if machine.impacts:
         return None
     scales, usual, mechanism = _table_one()
-    stretched = max(1.0, machine.stretching / usual)
-    if machine.table_one:
+    if machine.table_one and (machine.stretching <= usual or _to_the_launch(machine)):
         stated = tolerance_for(*of, step, table_one=True)
-        return stated and _on_table_one(stated, metric, machine, stretched)
+        return stated and AppliedTolerance(stated.value * _share(stated, metric, machine), "claim", stated.reason)
+    stretched = max(1.0, machine.stretching / usual)
     stated = tolerance_for(*of, step and step * scales.time / machine.scales.time, table_one=True)
     if stated is None:
         return None
     part = stated.value if stated.stated.per else stated.value / _stated_scale(quantity, scales, mechanism)
-    reason = f"{stated.reason} on Table I; the same part of the scale, times {_CARRIED * stretched:.3g}"
+    reason = f"{stated.reason} on Table I, to its launch; the same part of the scale, times {_CARRIED * stretched:.3g}"
     return AppliedTolerance(part * scale * _CARRIED * stretched, "claim", reason)
 
 
-def _on_table_one(stated: StatedTolerance, metric: Metric, machine: Machine, stretched: float) -> AppliedTolerance:
-    """As it is stated up to the launch of what is thrown; with the motion's stretching beyond."""
-    to_launch = machine.thrown == THROWN and machine.judged_to <= (machine.launch_time or 0.0) * (1 + 1e-9)
-    value = stated.value * _share(stated, metric, machine) * (1.0 if to_launch else stretched)
-    return AppliedTolerance(value, "claim", stated.reason)
+def _to_the_launch(machine: Machine) -> bool:
+    """Whether no more is judged than the motion that claims are stated for."""
+    launch = machine.launch_time if machine.thrown == THROWN else None
+    return launch is not None and machine.judged_to <= launch * (1 + 1e-9)
 
 
 def _share(stated: StatedTolerance, metric: Metric, machine: Machine) -> float:

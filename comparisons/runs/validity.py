@@ -13,6 +13,7 @@ from ...models.mechanism import Mechanism
 from ...models.trajectory import Trajectory
 
 _SAME_TIME = 1e-9  # of the duration: how late the first sample may be
+_LARGEST = 1e100  # in SI units: its square is still a number
 
 
 def refuse_invalid(engine: str, trajectory: object, mechanism: Mechanism, capabilities: Capabilities) -> Trajectory:
@@ -38,7 +39,7 @@ def refuse_invalid(engine: str, trajectory: object, mechanism: Mechanism, capabi
 def _faults(trajectory: Trajectory, mechanism: Mechanism, capabilities: Capabilities) -> Iterator[str]:
     if trajectory.mechanism != mechanism:
         yield f"it is of another mechanism, {trajectory.mechanism.name!r}"
-    yield from _time_faults(np.asarray(trajectory.t))
+    yield from _time_faults(trajectory.t)
     yield from _name_faults(trajectory, mechanism, capabilities)
     n = len(trajectory.t)
     for label, values, shape in _arrays(trajectory, n, len(mechanism.coordinates)):
@@ -46,19 +47,23 @@ def _faults(trajectory: Trajectory, mechanism: Mechanism, capabilities: Capabili
     for name, time in trajectory.release_times.items():
         if time is not None and not (np.isfinite(time) and time >= 0):
             yield f"the release time of {name!r} is {time!r} s"
-    for time, _ in trajectory.impacts:
+    for time, impulses in trajectory.impacts:
         if not (np.isfinite(time) and time >= 0):
             yield f"an impact's time is {time!r} s"
+        yield from _names("impacts", impulses, {stop.name for stop in mechanism.stops}, set())
+        yield from (f"the impulse of {name!r} is {p!r}" for name, p in impulses.items() if not np.isfinite(p))
 
 
 def _time_faults(t: Any) -> Iterator[str]:
-    if t.ndim != 1 or len(t) < 2:
+    if not isinstance(t, np.ndarray) or t.dtype != np.float64:
+        yield f"t is {_kind(t)}; an array of float64 is needed"
+    elif t.ndim != 1 or len(t) < 2:
         yield f"t has the shape {t.shape}; at least two times are needed"
     elif not np.isfinite(t).all():
         yield f"t[{int(np.argmin(np.isfinite(t)))}] is not finite"
     elif (np.diff(t) < 0).any():
         yield f"t decreases after {t[int(np.argmax(np.diff(t) < 0))]:.6g} s"
-    elif abs(t[0]) > _SAME_TIME * t[-1]:
+    elif not 0.0 <= t[0] <= _SAME_TIME * t[-1]:
         yield f"it begins at t = {t[0]:.6g} s instead of 0"
 
 
@@ -97,7 +102,10 @@ def _arrays(trajectory: Trajectory, n: int, n_q: int) -> Iterator[tuple[str, Any
 
 
 def _array_faults(label: str, given: Any, shape: tuple[int, ...], t: Any) -> Iterator[str]:
-    values = np.asarray(given)
+    if not isinstance(given, np.ndarray):
+        yield f"{label} is {_kind(given)}; an array is needed"
+        return
+    values: Any = given
     if values.shape != shape:
         yield f"{label} has the shape {values.shape}, not {shape}"
     elif not np.issubdtype(values.dtype, np.number) or np.iscomplexobj(values):
@@ -105,3 +113,9 @@ def _array_faults(label: str, given: Any, shape: tuple[int, ...], t: Any) -> Ite
     elif not np.isfinite(values).all():
         first = int(np.argmin(np.isfinite(values.reshape(len(t), -1)).all(axis=1)))
         yield f"{label} is not finite at t = {t[first]:.6g} s"
+    elif np.abs(values).max() > _LARGEST:
+        yield f"{label} reaches {np.abs(values).max():.3g}, which is too large to compare"
+
+
+def _kind(given: object) -> str:
+    return f"an array of {given.dtype}" if isinstance(given, np.ndarray) else f"a {type(given).__name__}"
