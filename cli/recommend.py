@@ -14,7 +14,7 @@ from . import options, output
 _NEIGHBOURS = 32
 
 Position = Annotated[
-    float | None, typer.Option("--position", help="Largest distance of the projectile from the reference (m).")
+    float | None, typer.Option("--position", help="Largest distance of any marker from the reference (m).")
 ]
 Torque = Annotated[
     str | None,
@@ -34,6 +34,7 @@ def recommend_command(
     torque: Torque = None,
     release: Release = None,
     engines: options.Engines = None,
+    until: options.Until = None,
     assignments: options.Set = None,
     beam: options.Beam = None,
     neighbours: Neighbours = _NEIGHBOURS,
@@ -41,7 +42,7 @@ def recommend_command(
     timeout: options.Timeout = 600.0,
     out: Annotated[Path, options.out("Folder for recommend.json and the trials.")] = Path("recommend"),
 ) -> None:
-    """Find, for each engine, the cheapest measured settings that reach an accuracy, up to the launch.
+    """Find, for each engine, the cheapest measured settings that reach an accuracy, up to the launch or to --until.
 
     Prints them with the texts to paste into the MJCF, the pymunk or the Exudyn script, or says what stands in the
     way; writes recommend.json. At least one of --position, --torque and --release must be given. Settings must
@@ -51,6 +52,8 @@ def recommend_command(
     trebucheck recommend --model rolling --position 1e-3 --torque 0.01%
 
     trebucheck recommend --model fixed --set l1=9.5 --engines mujoco --position 1e-6 --release 1e-8
+
+    trebucheck recommend --model pendulum.json --position 1e-4 --until 5
     """
     from ..comparisons.recommend import Asked, recommend
     from ..comparisons.recommend.cases import read_torque
@@ -62,7 +65,9 @@ def recommend_command(
     chosen = options.parameters(assignments, beam)
     mechanism, own = options.machine(model, assignments, beam, "recommend"), model.strip().endswith(".json")
     parameters = None if own else chosen.of(model.strip())
-    study = options.study([mechanism if own else model.strip()], engines, out, resume, timeout, parameters=parameters)
+    study = options.study(
+        [mechanism if own else model.strip()], engines, out, resume, timeout, parameters=parameters, until=until
+    )
     with output.progress("references", 30) as show:
         advice = recommend(replace(study, progress=show), target, neighbours)
     output.publish((out / "recommend.json", advice.to_json()), document(advice), store=study.store)

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from . import options, output
-
-if TYPE_CHECKING:
-    from ..comparisons.runs.runner import Worker
-    from ..models.mechanism import Mechanism
 
 
 def run_command(
@@ -20,6 +16,7 @@ def run_command(
     preset: Annotated[str, typer.Option("--preset", help="tuned or stock.")] = "tuned",
     timestep: options.Timestep = None,
     duration: options.Duration = None,
+    until: options.Until = None,
     assignments: options.Set = None,
     beam: options.Beam = None,
     option: options.EngineOption = None,
@@ -29,34 +26,30 @@ def run_command(
 ) -> None:
     """Simulate one machine with one engine; write its trajectory as NetCDF and print a summary.
 
+    It is simulated a little past the launch, or the end that --until names.
+
     Examples:
     trebucheck run --engine mujoco --model rolling --timestep 5e-4 --duration 2.6 --out rolling.nc
 
     trebucheck run --engine pymunk --preset stock --option iterations=30
     """
     from ..comparisons.report.sections import run_report
-    from ..comparisons.runs.runner import Worker, simulate
+    from ..comparisons.runs.runner import Runner, Worker, simulate
+    from ..comparisons.runs.study import Study, one_end
+    from ..comparisons.runs.until import Until
     from ..engines.registry import engine as make
     from ..models.files import refuse_unwritable
     from ..models.problem import Problem
     from ..models.trajectory import save
 
     mechanism = options.machine(model, assignments, beam, "run")
-    own = options.engine_options(option, timestep)
-    runner = make(engine, preset, **own)
-    given = None if duration is None else Problem(mechanism, duration=duration, stop_law=stop_law)
+    made = make(engine, preset, **options.engine_options(option, timestep))
+    end, law = Until.of(one_end(duration, until)), Study(stop_law=stop_law).law
+    given = Problem(mechanism, duration=end.time, stop_law=law) if end.kind == "time" else None
     path = out if out.suffix == ".nc" else out / f"{mechanism.name}-{engine}-{preset}.nc"
     refuse_unwritable(path.parent, path.name)
     with Worker(options.positive(timeout, "--timeout")) as worker:
-        problem = given or Problem(mechanism, duration=_to_launch(mechanism, worker), stop_law=stop_law)
-        trajectory = worker.call(simulate, runner, problem)
+        problem = given or Runner(mechanism, worker, end, law).problem(made)
+        trajectory = worker.call(simulate, made, problem)
     save(trajectory, path)
     output.show(run_report(trajectory), Trajectory=path)
-
-
-def _to_launch(mechanism: Mechanism, worker: Worker) -> float:
-    """A little past the reference's launch [s]."""
-    from ..comparisons.runs.runner import Runner
-
-    launch = Runner(mechanism, worker).solution.launch
-    return launch.time + 0.02 if launch else 3.0

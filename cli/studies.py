@@ -74,6 +74,7 @@ def converge_command(
         str | None,
         typer.Option("--knobs", "--knob", help="Knobs, comma-separated, e.g. timestep,solref; all by default."),
     ] = None,
+    until: options.Until = None,
     assignments: options.Set = None,
     beam: options.Beam = None,
     resume: options.Resume = False,
@@ -89,13 +90,15 @@ def converge_command(
     trebucheck converge --out converge
 
     trebucheck converge --models rolling --engines mujoco --knobs timestep,solref --set l1=9.5
+
+    trebucheck converge --models pendulum.json --until 5
     """
     from ..comparisons.converge.report import document
     from ..comparisons.converge.study import converge
 
     machines = options.machines(models, assignments, beam)
     chosen = options.chosen_names(knobs, "--knobs")
-    study = options.study(machines, engines, out, resume, timeout)
+    study = options.study(machines, engines, out, resume, timeout, until=until)
     with output.progress() as show:
         studies = converge(replace(study, progress=show), chosen)
     output.publish(
@@ -110,6 +113,7 @@ def explain_command(
     engines: options.Engines = None,
     preset: options.Preset = "tuned,stock",
     timestep: options.Timestep = None,
+    until: options.Until = None,
     assignments: options.Set = None,
     beam: options.Beam = None,
     resume: options.Resume = False,
@@ -133,7 +137,7 @@ def explain_command(
     machines = options.machines(models, assignments, beam)
     own = {} if timestep is None else {"timestep": timestep}
     presets = options.names(preset, "--preset")
-    study = options.study(machines, engines, out, resume, timeout, presets=presets, options=own)
+    study = options.study(machines, engines, out, resume, timeout, presets=presets, options=own, until=until)
     with output.progress(width=44) as show:
         explanation = explain(replace(study, progress=show))
     data = out / "explain.json", explanation.to_json()

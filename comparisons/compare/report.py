@@ -13,7 +13,7 @@ from ...reference.certification.certificate import load_certificate
 from ..report import document as doc
 from ..report.document import Block, Cell, Column, Document, Heading, Mark, Note, Table, Text, mark_of, page_only, table
 from ..report.numbers import format_number, format_step
-from ..report.sections import certified_figures, provenance
+from ..report.sections import HORIZON, certified_figures, provenance
 from ..runs.results import COMPARED, Cause, Diagnosis, Equality, Machine, Metric, Outcome, Pair, Results, Run
 from . import plots
 from .study import Comparison
@@ -259,10 +259,7 @@ def _reference_sentences(machine: Machine) -> Iterator[str]:
         yield f"The reference launches at {machine.launch_time:.9f} s with {machine.launch_speed:.7f} m/s."
     yield f"Compared from the start to {machine.compared_to:.6g} s."
     if machine.judged_to < machine.compared_to:
-        yield (
-            f"Beyond {machine.judged_to:.6g} s only invariants are judged: there a hundred-thousandth of a body's "
-            "inertia moves the mechanism by a thousandth of its size, and any two integrators differ."
-        )
+        yield f"Beyond {machine.judged_to:.6g} s only invariants are judged: {HORIZON}."
     if machine.needs:
         yield f"Tolerances asked for: {', '.join(f'{name} {text}' for name, text in machine.needs.items())}."
     if machine.impacts:

@@ -8,6 +8,7 @@ Verification and Validation, on observed orders.)
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -90,7 +91,7 @@ class Level:
     step: float
     """[s]"""
     position: FloatArray
-    """[m], shape (2, n)."""
+    """[m], shape (..., 2, n): of one point or several."""
     torques: FloatArray
     """[N m], shape (number of stops, n)."""
 
@@ -103,7 +104,7 @@ class Extrapolated:
     order: float
     power: int
     position: FloatArray
-    """Deviation of the limit from the reference [m], shape (2, n)."""
+    """Deviation of the limit from the reference [m], shape (..., 2, n)."""
     torques: FloatArray
     position_three: FloatArray
 
@@ -114,8 +115,8 @@ class Extrapolated:
 
 
 def largest(position: FloatArray) -> float:
-    """Largest length of a vector over time [m]; shape (2, n)."""
-    return float(np.linalg.norm(position, axis=0).max())
+    """Largest length of any vector over time [m]; shape (..., 2, n)."""
+    return float(np.linalg.norm(position, axis=-2).max())
 
 
 def limit(levels: Sequence[Level]) -> Extrapolated | None:
@@ -186,7 +187,7 @@ def _extrapolated(triple: tuple[Level, Level, Level]) -> Extrapolated | None:
     )
 
 
-def fitting(step: float, end: float, events: Sequence[float]) -> float:
+def fitting(step: float, end: float, events: Sequence[float], longest: float = math.inf) -> float:
     """The step near the one asked for of which whole numbers come nearest to filling what remains after each event.
 
     Engines fit a whole number of equal steps between an event and the end, and so shorten them by up to one part in
@@ -196,9 +197,10 @@ def fitting(step: float, end: float, events: Sequence[float]) -> float:
         step: asked for [s].
         end: of the compared motion [s].
         events: times of the reference's releases [s].
+        longest: that an engine runs [s].
     """
     candidates = step * np.linspace(1.0 - _NEAR, 1.0 + _NEAR, _CANDIDATES)
-    durations = end + np.maximum(TAIL, TAIL_STEPS * candidates)
+    durations = np.minimum(end + np.maximum(TAIL, TAIL_STEPS * candidates), longest)
     left = [(durations - start) / candidates for start in (0.0, *events)]
     shortened = np.max([(np.ceil(n - 1e-9) - n) / n for n in left], axis=0)
     return float(candidates[int(np.argmin(shortened))])

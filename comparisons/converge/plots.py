@@ -10,9 +10,8 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from ..report.plots import LOGARITHMIC, finish, run_style
-from .results import PowerLaw, QuantityName, Study
+from .results import Curve, PowerLaw, Study
 
-_QUANTITIES: tuple[QuantityName, ...] = ("position", "torque")
 _MARKS = {"tuned": "circle", "stock": "square-open"}
 
 
@@ -49,9 +48,9 @@ def work_precision(studies: Sequence[Study]) -> go.Figure:
             "arrayminus": median - np.array([min(point.wall_times) for point in timed]),
             "thickness": 1,
         }
-        for column, quantity in enumerate(_QUANTITIES, start=1):
+        for column, curve in enumerate(study.curves, start=1):
             figure.add_scatter(
-                x=median, y=[point.error(quantity) for point in timed], error_x=spread, mode="lines+markers",
+                x=median, y=[point.error(curve.quantity) for point in timed], error_x=spread, mode="lines+markers",
                 name=study.label, legendgroup=study.label, showlegend=column == 1, row=1, col=column,
                 customdata=[point.value for point in timed], hovertemplate="h = %{customdata:.3g} s: %{y:.2e}",
                 line=run_style(study.engine, study.preset), marker=_mark(study),
@@ -65,9 +64,13 @@ def exponent(law: PowerLaw | None) -> str:
 
 
 def _pair(studies: Sequence[Study]) -> go.Figure:
-    unit = next((study.curve("torque").unit for study in studies), "N m")
-    titles = ("position [m]", f"{'stop force' if unit == 'N' else 'stop torque'} [{unit}]")
-    return make_subplots(rows=1, cols=2, subplot_titles=titles, horizontal_spacing=0.09)
+    titles = [_title(curve) for curve in studies[0].curves]
+    return make_subplots(rows=1, cols=len(titles), subplot_titles=titles, horizontal_spacing=0.09)
+
+
+def _title(curve: Curve) -> str:
+    name = "position" if curve.quantity == "position" else f"stop {'force' if curve.unit == 'N' else 'torque'}"
+    return f"{name} [{curve.unit}]"
 
 
 def _finished(figure: go.Figure, x_title: str, height: int) -> go.Figure:
@@ -85,10 +88,10 @@ def _points(figure: go.Figure, study: Study, name: str, *, whole: bool = False) 
     """The errors, or where it can be isolated and unless the whole is asked for, the parameter's part of them."""
     own = study.own and not whole
     colour = "#aaaaaa" if whole else run_style(study.engine, study.preset)["color"]
-    for column, quantity in enumerate(_QUANTITIES, start=1):
-        ran = [point for point in study.points if point.error(quantity, own)]
+    for column, curve in enumerate(study.curves, start=1):
+        ran = [point for point in study.points if point.error(curve.quantity, own)]
         figure.add_scatter(
-            x=[point.value for point in ran], y=[point.error(quantity, own) for point in ran],
+            x=[point.value for point in ran], y=[point.error(curve.quantity, own) for point in ran],
             mode="markers", name=name, legendgroup=name, showlegend=column == 1, row=1, col=column,
             marker={**_mark(study), "color": colour},
         )  # fmt: skip
@@ -97,8 +100,7 @@ def _points(figure: go.Figure, study: Study, name: str, *, whole: bool = False) 
 def _lines(figure: go.Figure, study: Study, at: float = 0.5) -> None:
     """The laws, each with its exponent at that share of its range."""
     style = run_style(study.engine, study.preset)
-    for column, quantity in enumerate(_QUANTITIES, start=1):
-        law = study.curve(quantity).law
+    for column, law in enumerate((curve.law for curve in study.curves), start=1):
         if law is None:
             continue
         figure.add_scatter(

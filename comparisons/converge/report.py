@@ -10,20 +10,22 @@ import numpy as np
 from ..report import document as doc
 from ..report.document import Block, Cell, Column, Document, Heading, Note, Row, Table, Text, row, table
 from ..report.numbers import format_number, format_settings
-from ..report.sections import provenance
+from ..report.sections import compared_time, provenance
 from . import plots
-from .results import Curve, LimitPair, MachineStudies, Point, Studies, Study
+from .results import Curve, LimitPair, MachineStudies, Point, QuantityName, Studies, Study
 
 _INTRODUCTION = (
-    "Each parameter of each engine is swept through its values; the errors are the largest distances from the "
-    "reference up to the launch. An exponent is the slope of a straight line in the log-log plane with its 95 % "
-    "confidence interval (Student t), over the run of points along which the error changes most without its slope "
-    "departing by more than 0.1; the rule knows of no expected exponent. A floor is an error that the parameter does "
-    "not lower; its cause is found by refining every other parameter by one step there. “Stock” is what an engine's "
-    "documentation leads a newcomer to, “tuned” the most accurate settings found."
+    "Each parameter of each engine is swept through its values; the errors are the largest distances of any marker "
+    "(without markers, of any centre of mass) from the reference over the compared time. An exponent is the slope of "
+    "a straight line in the log-log plane with its 95 % confidence interval (Student t), over the run of points along "
+    "which the error changes most without its slope departing by more than 0.1; the rule knows of no expected "
+    "exponent. A floor is an error that the parameter does not lower; its cause is found by refining every other "
+    "parameter by one step there. “Stock” is what an engine's documentation leads a newcomer to, “tuned” the most "
+    "accurate settings found."
 )
 _LIMITS = (
-    "Largest distance between the projectiles over the whole throw, with the time step extrapolated away [m]. The "
+    "Largest distance between the same markers of two runs over the compared time, with the time step extrapolated "
+    "away [m]. The "
     "limits are chosen without the reference: of all three neighbouring steps whose successive differences show a "
     "whole order, those whose limits from two and three levels lie nearest to each other."
 )
@@ -75,13 +77,10 @@ def _failures(studies: Studies) -> Iterator[str]:
 def _chapter(machine: MachineStudies) -> Iterator[Block]:
     steps = [study for study in machine.studies if study.knob == "timestep"]
     others = [study for study in machine.studies if study.knob != "timestep"]
-    known = machine.uncertainty
+    known = [f"{format_number(value)} {_unit(machine, name)}" for name, value in machine.uncertainty.items()]
     yield Heading(f"{machine.model.capitalize()} machine", 2, machine.model)
-    yield Note(
-        f"Compared from the start to the launch at {machine.launch_time:.6f} s. The reference is known to "
-        f"{format_number(known['position'])} m and {format_number(known['torque'])} {machine.mechanism.force_unit} "
-        f"(by {machine.uncertainty_source})."
-    )
+    compared = compared_time(machine.launch_time, machine.compared_to, machine.judged_to)
+    yield Note(f"{compared} The reference is known to {' and '.join(known)} (by {machine.uncertainty_source}).")
     if steps:
         yield Heading("Order in the time step")
         yield _orders(machine, steps)
@@ -98,7 +97,11 @@ def _chapter(machine: MachineStudies) -> Iterator[Block]:
         yield _laws(machine, others)
         for study in others:
             yield doc.Figure(partial(plots.swept_parameter, study), f"{study.label}: {study.title}", _about(study))
-    yield doc.Fold("Every point", tuple(_points(study, machine.mechanism.force_unit) for study in machine.studies))
+    yield doc.Fold("Every point", tuple(_points(study) for study in machine.studies))
+
+
+def _unit(machine: MachineStudies, quantity: QuantityName) -> str:
+    return "m" if quantity == "position" else machine.mechanism.force_unit
 
 
 def _orders(machine: MachineStudies, studies: Sequence[Study]) -> Table:
@@ -197,9 +200,10 @@ def _about(study: Study) -> str:
     return " ".join(sentences)
 
 
-def _points(study: Study, force_unit: str) -> Table:
-    own = f"| of the parameter [m] | of the parameter [{force_unit}]" if study.own else ""
-    heads = f"{study.title} [{study.unit}] | options | position [m] | torque [{force_unit}] {own} | steps | wall [s]"
+def _points(study: Study) -> Table:
+    whole = [f"{curve.quantity} [{curve.unit}]" for curve in study.curves]
+    own = [f"of the parameter [{curve.unit}]" for curve in study.curves if study.own]
+    heads = " | ".join([f"{study.title} [{study.unit}]", "options", *whole, *own, "steps", "wall [s]"])
     return table(heads, [_point(study, point) for point in study.points], f"{study.label}: {study.title}", "page")
 
 
@@ -207,7 +211,8 @@ def _point(study: Study, point: Point) -> tuple[object, ...]:
     setting = f"{point.value:.5g}", format_settings(point.options)
     if point.message is not None:
         return *setting, Cell(point.message, "warning")
-    errors = [point.position, point.torque, *([point.own_position, point.own_torque] if study.own else [])]
+    parts = (False, True) if study.own else (False,)
+    errors = (point.error(curve.quantity, own) for own in parts for curve in study.curves)
     return *setting, *map(format_number, errors), point.steps, _wall(point)
 
 

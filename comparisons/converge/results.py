@@ -65,7 +65,7 @@ class Point(Spec):
     value: Real
     options: dict[str, JsonValue] = Field(description="what the value means to the engine")
     message: str | None = Field(default=None, description="why it failed; None if it ran")
-    position: Real | None = Field(default=None, description="largest error of the projectile's position [m]")
+    position: Real | None = Field(default=None, description="largest error of any marker's position [m]")
     torque: Real | None = Field(default=None, description="largest error of any stop's torque [N m, N]")
     own_position: Real | None = Field(default=None, description="the part of it that the knob makes")
     own_torque: Real | None = None
@@ -138,8 +138,12 @@ class MachineStudies(Spec):
     model: str
     mechanism: Mechanism
     mechanism_hash: str
-    launch_time: Real = Field(description="of the reference, and end of the compared motion [s]")
-    uncertainty: dict[QuantityName, Real] = Field(description="of the reference [m, N m or N]")
+    launch_time: Real | None = Field(
+        description="of the reference [s]; None: it does not launch within what is compared"
+    )
+    compared_to: Real | None = Field(default=None, description="end of the compared motion [s]; None: the launch")
+    judged_to: Real | None = Field(default=None, description="that, or the predictability horizon if earlier [s]")
+    uncertainty: dict[QuantityName, Real] = Field(description="of the reference [m, N m or N], of what it has")
     uncertainty_source: str
     studies: tuple[Study, ...]
     limits: tuple[Limit, ...]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any
@@ -13,7 +14,6 @@ from ...engines.registry import engine, engine_class, engine_names, engine_study
 from ...engines.study import ConstraintKinds, StepOrder, SweptParameter
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
-from ...reference.certification.certificate import Uncertainties
 from ..runs.study import Counter, Study
 from ..runs.trials import Deviation, Trial, Trials
 from .floor import Site, floor
@@ -21,18 +21,20 @@ from .orders import Extrapolated, Level, fitting, largest, limit, power_law
 from .results import Curve, Floor, Limit, LimitPair, MachineStudies, Point, PowerLaw, QuantityName, Studies
 from .results import Study as ParameterStudy
 
-_QUANTITIES: tuple[QuantityName, ...] = ("position", "torque")
+_METRICS: Mapping[QuantityName, str] = {"position": "position_max", "torque": "stop_torque_max"}
 _STEPS = tuple(1e-2 / 2**k for k in range(8))  # 1e-2 to 7.8e-5 s: two decades and a little
 _STOCK_STEPS = _STEPS[:6]  # down to 3e-4 s: finer ones are no newcomer's, and cost the most
+_STEPS_TIME = 1.36  # [s] characteristic time of machines with these steps, the mean of the named ones
 _UNKNOWN = StepOrder(None, "the order of a plug-in is not known beforehand")
 
 
 def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
-    """Carry out the studies; each machine must launch.
+    """Carry out the studies.
 
     Args:
         study: mechanisms, engines (all known ones but the reference if None; those not installed are listed as
-            absent), and how they are run. Its presets and options are not used: each swept parameter has its own.
+            absent), how they are run, and the end of the compared motion. Its presets and options are not used: each
+            swept parameter has its own.
         chosen: names of swept parameters (:func:`parameter_names`); all if left out.
 
     Raises:
@@ -46,7 +48,8 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
     with study.worker() as worker:
         for mechanism in study.mechanisms:
             try:
-                machines.append(_machine(Trials(mechanism, worker, study.store), plan, absent, count))
+                trials = Trials(mechanism, worker, study.store, until=study.end, law=study.law)
+                machines.append(_machine(trials, plan, absent, count))
             except SimulationError as error:  # of its reference: the other machines must not be lost with it
                 failures[mechanism.name] = str(error)
     return Studies.made_here(machines=tuple(machines), failures=failures)
@@ -98,8 +101,12 @@ def _plan(names: Sequence[str], chosen: Sequence[str] | None) -> tuple[list[str]
 
 def _machine(trials: Trials, plan: _Plan, absent: list[str], count: Counter) -> MachineStudies:
     """All studies of one machine, and the limits that follow from them."""
-    mechanism, known = trials.mechanism, trials.runner.uncertainties
-    uncertainty: dict[QuantityName, float] = {quantity: _uncertainty(known, quantity) for quantity in _QUANTITIES}
+    mechanism, runner = trials.mechanism, trials.runner
+    uncertainty: dict[QuantityName, float] = {
+        quantity: trials.uncertainty(metric) or 0.0
+        for quantity, metric in _METRICS.items()
+        if quantity == "position" or mechanism.stops
+    }
     studies: list[ParameterStudy] = []
     limits: dict[str, Extrapolated] = {}
     for name, parameter in plan:
@@ -112,9 +119,11 @@ def _machine(trials: Trials, plan: _Plan, absent: list[str], count: Counter) -> 
         model=mechanism.name,
         mechanism=mechanism,
         mechanism_hash=mechanism.content_hash,
-        launch_time=trials.end,
+        launch_time=runner.launch_time,
+        compared_to=runner.end,
+        judged_to=trials.end,
         uncertainty=uncertainty,
-        uncertainty_source=known.source,
+        uncertainty_source=runner.uncertainties.source,
         studies=tuple(studies),
         limits=tuple(_limit_row(label, limit) for label, limit in limits.items()),
         pairs=tuple(_pairs(limits)),
@@ -139,10 +148,16 @@ class _Sweep:
         self.trials: list[Trial | None] = []
         """One a value; None where the engine refused the options."""
         self.points: list[Point] = []
-        events = [time for time in trials.solution.release_times.values() if time is not None]
         for value in parameter.values:
             count.start(f"{trials.mechanism.name}: {name} {parameter.preset} {parameter.name}")
-            self._measure(fitting(value, trials.end, events) if self.of_step else value)
+            self._measure(self._fitting_step(value) if self.of_step else value)
+
+    def _fitting_step(self, step: float) -> float:
+        """A step scaled to this machine's characteristic time by a power of two, and such that whole numbers fit."""
+        solution, end = self.machine.solution, self.machine.runner.end
+        events = [time for time in solution.release_times.values() if time is not None]
+        size = 2.0 ** round(math.log2(self.machine.characteristic_time / _STEPS_TIME))
+        return fitting(step * size, end, events, solution.problem.duration)
 
     def _measure(self, value: float) -> None:
         try:
@@ -176,7 +191,7 @@ class _Sweep:
             why=self.parameter.why,
             own=self.without is not None,
             points=tuple(self.points),
-            curves=tuple(self.curve(quantity) for quantity in _QUANTITIES),
+            curves=tuple(self.curve(quantity) for quantity in self.uncertainty),
         )
 
     def curve(self, quantity: QuantityName) -> Curve:
@@ -231,7 +246,7 @@ class _Sweep:
             return None
         return limit(
             [
-                Level(point.value, _position(trial.deviation), _torques(trial.deviation))
+                Level(point.value, trial.deviation.position, _torques(trial.deviation))
                 for point, trial in zip(self.points, self.trials, strict=True)
                 if trial is not None and trial.deviation is not None
             ]
@@ -252,11 +267,6 @@ def _still_falls(ran: Sequence[tuple[float, float]]) -> bool:
     return np.log(larger / smaller) >= 0.5 * abs(np.log(before / last))
 
 
-def _uncertainty(known: Uncertainties, quantity: QuantityName) -> float:
-    metric = "position_max" if quantity == "position" else "stop_torque_max"
-    return max((value for name, value in known.values.items() if name.startswith(metric)), default=0.0)
-
-
 def _whole(trial: Trial, quantity: QuantityName) -> float | None:
     return trial.position if quantity == "position" else trial.torque
 
@@ -273,15 +283,11 @@ def _point(
         options=options,
         position=trial.position,
         torque=trial.torque,
-        own_position=None if base is None else largest(_position(trial.deviation) - _position(base)),
+        own_position=None if base is None else largest(trial.deviation.position - base.position),
         own_torque=None if base is None else _largest(_torques(trial.deviation) - _torques(base)),
         steps=trial.steps,
         wall_times=trial.wall_times,
     )
-
-
-def _position(deviation: Deviation) -> FloatArray:
-    return np.array(deviation.position)
 
 
 def _torques(deviation: Deviation) -> FloatArray:

@@ -58,13 +58,15 @@ def budget(trials: Trials, engine: Engine) -> Budget:
     )
     if base.deviation is None:
         return empty
-    study = _Study(trials, engine, base.deviation)
-    causes = causes_of(engine, trials.mechanism)
-    chains = study.chains([cause for cause in causes if cause.removal is not None])
-    alone = study.scaled([cause for cause in causes if cause.scaling is not None])
+    point = base.deviation.farthest
+    study = _Study(trials, engine, base.deviation.of_point(point))
+    known = causes_of(engine, trials.mechanism)
+    chains = study.chains([cause for cause in known if cause.removal is not None])
+    alone = study.scaled([cause for cause in known if cause.scaling is not None])
     quantities = study.quantities(chains, alone)
-    measured = [_measurement(cause, engine, study.failed.get(cause.name)) for cause in causes]
-    return empty.model_copy(update={"causes": (*measured, _roundoff(study)), "quantities": quantities})
+    measured = [_measurement(cause, engine, study.failed.get(cause.name)) for cause in known]
+    causes = (*measured, _roundoff(study))
+    return empty.model_copy(update={"point": point, "causes": causes, "quantities": quantities})
 
 
 def _measurement(cause: Cause, engine: Engine, failure: str | None) -> Measurement:
@@ -79,7 +81,7 @@ def _roundoff(study: _Study) -> Measurement:
     return Measurement(
         name=_ROUNDOFF,
         explanation="the random part: what changes when the machine's data change in their last bits",
-        done=f"gravity changed by ±{LAST_BITS:g} of itself",
+        done=f"{'gravity' if study.trials.mechanism.gravity else 'start speeds'} changed by ±{LAST_BITS:g} of itself",
         message=study.failed.get(_ROUNDOFF),
     )
 
@@ -137,7 +139,7 @@ class _Study:
             raise VariantFailedError(cause, str(error)) from error
         if trial.deviation is None:
             raise VariantFailedError(cause, trial.message or "it did not run")
-        return trial.deviation
+        return trial.deviation.of_point(self.base.farthest)
 
     def scaled(self, causes: Sequence[Cause]) -> dict[str, tuple[Deviation, float]]:
         """Deviations with one cause made larger, and by what factor."""
@@ -240,11 +242,12 @@ class Observed:
 
 def observed(deviation: Deviation) -> dict[str, Observed]:
     """Every quantity a budget is made for, by its name; what the run does not tell is absent."""
-    quantities = {"position": Observed("m", deviation.quantity("position"), components=2)}
-    for stop in deviation.torques:
+    position = np.array(deviation.positions[deviation.farthest]).ravel()
+    quantities = {"position": Observed("m", position, components=2)}
+    for stop, torque in deviation.torques.items():
         unit = deviation.force_units.get(stop, "N m")
-        quantities[f"{stop} {'torque' if unit == 'N m' else 'force'}"] = Observed(unit, deviation.quantity(stop))
-    quantities["energy"] = Observed("J", deviation.quantity("energy"))
+        quantities[f"{stop} {'torque' if unit == 'N m' else 'force'}"] = Observed(unit, np.array(torque))
+    quantities["energy"] = Observed("J", np.array(deviation.energy))
     for stop, time in deviation.release_times.items():
         quantities[f"{stop} release"] = Observed("s", _single(time))
     quantities["launch time"] = Observed("s", _single(deviation.launch_time))

@@ -14,7 +14,7 @@ from ..report import document as doc
 from ..report.document import Block, Cell, Column, Document, Heading, Medium, Note, Row, Table, Text, row, table
 from ..report.numbers import format_number, format_percent
 from ..report.plots import finish
-from ..report.sections import provenance
+from ..report.sections import compared_time, provenance
 from .results import Budget, Explanation, Figures, Machine, Measurement, Quantity, Share, StockAgainstTuned
 
 _FEW = 1e-3  # shares below this are left out in the terminal; the page's tables have them all
@@ -29,20 +29,21 @@ _INTRODUCTION = (
     "is what changes when that cause is taken out of the run, or made larger by a known factor."
 )
 _HOW_TO_READ = (
-    "An error is a function of time, from the start to the launch. A cause's share is its part of that function; its "
-    "percentage is signed (the projection on the whole error), so that causes that work against each other show it, "
-    "and all of them with the unexplained rest add up to 100 %. Causes interact: where two have to come together to "
-    "do harm, taking out either removes the same error. So all are taken out one after the other, once in the order "
-    "of the table and once in the reverse order; the share is the mean of both (for causes that interact in pairs, "
-    "Shapley's value), and the whiskers are half their difference. (Softness of constraints that is as small as the "
-    "step allows is measured by a shorter step and, in place of the reverse order, by doubling it.) A wide whisker "
-    "says: this and another cause share that error. “After” names causes that have to be out first, because taking "
-    "this one out alone would bring in an error the run does not have. What is explained is 1 - |rest| / |error|, "
-    "root mean square over time; roundoff, which is random, is taken off the rest in quadrature."
+    "An error is a function of time, from the start to the end of what is compared; that of the position is of the "
+    "marker with the largest error (without markers, of such a centre of mass). A cause's share is its part of that "
+    "function; its percentage is signed (the projection on the whole error), so that causes that work against each "
+    "other show it, and all of them with the unexplained rest add up to 100 %. Causes interact: where two have to "
+    "come together to do harm, taking out either removes the same error. So all are taken out one after the other, "
+    "once in the order of the table and once in the reverse order; the share is the mean of both (for causes that "
+    "interact in pairs, Shapley's value), and the whiskers are half their difference. (Softness of constraints that "
+    "is as small as the step allows is measured by a shorter step and, in place of the reverse order, by doubling "
+    "it.) A wide whisker says: this and another cause share that error. “After” names causes that have to be out "
+    "first, because taking this one out alone would bring in an error the run does not have. What is explained is 1 - "
+    "|rest| / |error|, root mean square over time; roundoff, which is random, is taken off the rest in quadrature."
 )
 _CHANGES = (
     "Both presets at the same step; one option changed at a time, from stock towards tuned and from tuned back. "
-    "Largest distance of the projectile, largest error of a stop's torque at any sample, largest error of a release "
+    "Largest distance of any marker, largest error of a stop's torque at any sample, largest error of a release "
     "time, wall time (median of up to three). Factors are against the preset the line starts from (tuned: against "
     "stock): ÷ smaller, × larger."
 )
@@ -99,6 +100,7 @@ def _downwards(fraction: float) -> str:
 def _chapter(explanation: Explanation, machine: Machine) -> Iterator[Block]:
     budgets = [budget for budget in explanation.budgets if budget.model == machine.model]
     yield Heading(f"{machine.model.capitalize()} machine", 2, machine.model)
+    yield Note(compared_time(machine.launch_time, machine.compared_to, machine.judged_to))
     yield _summary(machine, budgets)
     for budget in budgets:
         yield from _budget(budget)
@@ -143,8 +145,10 @@ def _budget(budget: Budget) -> Iterator[Block]:
     if budget.message:
         yield Text(f"No budget: {budget.message}", "warning", medium="page")
         return
+    names = {"position": f"position of {budget.point}" if budget.point else "position"}
     sentences = (
-        f"{q.name}: {_explained(q)} explained, largest error {format_number(q.largest)} {q.unit}" for q in quantities
+        f"{names.get(q.name, q.name)}: {_explained(q)} explained, largest error {format_number(q.largest)} {q.unit}"
+        for q in quantities
     )
     yield Note(f"{'; '.join(sentences)}." if quantities else "No error to explain.")
     if quantities:
@@ -255,31 +259,41 @@ def _other_shares(quantities: Sequence[Quantity]) -> Table:
 def _changes(comparison: StockAgainstTuned) -> Table:
     """The presets and each option's change; the page has values with their factors, the terminal one of the two."""
     force = "force [N]" if comparison.force_unit == "N" else f"torque [{comparison.force_unit}]"
-    heads = doc.columns(f"setting | position [m] | {force} | release [s] | wall [s]")
+    titles = {"position": "position [m]", "torque": force, "release": "release [s]", "wall_time": "wall [s]"}
+    fields = _observed_fields(comparison)
+    heads = doc.columns(" | ".join(["setting", *(titles[field] for field in fields)]))
     media: tuple[Medium, ...] = ("page", "terminal")
     both = [replace(head, medium=medium, wrap=False) for head in heads for medium in media]
     caption = f"{comparison.model}, {comparison.engine}{_at(comparison.timestep)}: what each option buys"
-    return table(both, _change_rows(comparison), f"{caption} (÷ smaller, × larger)")
+    return table(both, _change_rows(comparison, fields), f"{caption} (÷ smaller, × larger)")
 
 
-def _change_rows(comparison: StockAgainstTuned) -> Iterator[Row]:
+def _observed_fields(comparison: StockAgainstTuned) -> list[str]:
+    """Values that some setting has: without stops there are no torques and no releases."""
+    settings = [comparison.stock, comparison.tuned]
+    settings += [each for change in comparison.changes for each in (change.alone, change.back)]
+    ran = [figures for figures in settings if figures.message is None]
+    return [field for field in _FIELDS if not ran or any(getattr(figures, field) is not None for figures in ran)]
+
+
+def _change_rows(comparison: StockAgainstTuned, fields: Sequence[str]) -> Iterator[Row]:
     stock, tuned = comparison.stock, comparison.tuned
-    yield row(Cell("stock", "strong"), "stock", *_values(stock, stock, preset=True))
+    yield row(Cell("stock", "strong"), "stock", *_values(fields, stock, stock, preset=True))
     for change in comparison.changes:
         labels = f"stock, {change.option} = {_option_value(change.tuned)}", f"  {change.option} as tuned"
-        yield row(*labels, *_values(change.alone, stock))
-    yield row(Cell("tuned", "strong"), "tuned", *_values(tuned, stock, preset=True))
+        yield row(*labels, *_values(fields, change.alone, stock))
+    yield row(Cell("tuned", "strong"), "tuned", *_values(fields, tuned, stock, preset=True))
     for change in comparison.changes:
         labels = f"tuned, {change.option} = {_option_value(change.stock)}", f"  {change.option} as stock"
-        yield row(*labels, *_values(change.back, tuned))
+        yield row(*labels, *_values(fields, change.back, tuned))
 
 
-def _values(figures: Figures, against: Figures, *, preset: bool = False) -> Iterator[Cell]:
+def _values(fields: Sequence[str], figures: Figures, against: Figures, *, preset: bool = False) -> Iterator[Cell]:
     """For page and terminal in turn."""
     if figures.message:
         yield Cell("failed", "warning", detail=figures.message)
         return
-    for field in _FIELDS:
+    for field in fields:
         value, before = getattr(figures, field), getattr(against, field)
         factor = "" if figures is against else _factor(before, value)
         yield Cell(format_number(value), detail=factor)

@@ -62,6 +62,7 @@ class Budget(Spec):
     preset: str
     settings: dict[str, JsonValue]
     message: str | None = Field(default=None, description="why there is none")
+    point: str | None = Field(default=None, description="whose position is split: that with the largest error")
     causes: tuple[Measurement, ...] = ()
     quantities: tuple[Quantity, ...] = ()
 
@@ -79,7 +80,7 @@ class Figures(Spec):
     """How good and how dear one setting is."""
 
     message: str | None = Field(default=None, description="why it failed")
-    position: Real | None = Field(default=None, description="largest distance of the projectile [m]")
+    position: Real | None = Field(default=None, description="largest distance of any marker [m]")
     torque: Real | None = Field(default=None, description="largest error of any stop's torque [N m, N]")
     release: Real | None = Field(default=None, description="largest error of a release time [s]")
     wall_time: Real | None = Field(default=None, description="median, warm [s]")
@@ -113,7 +114,11 @@ class Machine(Spec):
     model: str
     mechanism: Mechanism
     mechanism_hash: str
-    launch_time: Annotated[Real, Field(gt=0)] = Field(description="end of the compared motion [s]")
+    launch_time: Annotated[Real, Field(gt=0)] | None = Field(
+        description="of the reference [s]; None: it does not launch within what is compared"
+    )
+    compared_to: Real | None = Field(default=None, description="end of the compared motion [s]; None: the launch")
+    judged_to: Real | None = Field(default=None, description="that, or the predictability horizon if earlier [s]")
 
 
 class Explanation(ResultFile):

@@ -23,11 +23,11 @@ def explain(study: Study) -> Explanation:
     """Measure all budgets.
 
     Args:
-        study: mechanisms (each must launch), engines (all known ones but the reference if None), presets for which a
-            budget is made, and how engines are run.
+        study: mechanisms, engines (all known ones but the reference if None), presets for which a budget is made, how
+            engines are run, and the end of the compared motion.
 
     Raises:
-        InputError: a name or a value is not valid, or a machine does not launch. A run that fails raises nothing: it
+        InputError: a name or a value is not valid, or the end does not come. A run that fails raises nothing: it
             becomes a budget without shares, or a cause that could not be measured.
     """
     for preset in study.presets:
@@ -45,7 +45,7 @@ def explain(study: Study) -> Explanation:
     with study.worker() as worker:
         for mechanism in study.mechanisms:
             try:
-                trials = Trials(mechanism, worker, study.store)
+                trials = Trials(mechanism, worker, study.store, until=study.end, law=study.law)
             except SimulationError as error:  # of its reference: the other machines must not be lost with it
                 failures[mechanism.name] = str(error)
                 continue
@@ -66,7 +66,9 @@ def _machine(trials: Trials) -> Machine:
         model=trials.mechanism.name,
         mechanism=trials.mechanism,
         mechanism_hash=trials.mechanism.content_hash,
-        launch_time=trials.end,
+        launch_time=trials.runner.launch_time,
+        compared_to=trials.runner.end,
+        judged_to=trials.end,
     )
 
 

@@ -19,7 +19,8 @@ from ...models.trajectory import PointMotion, Trajectory
 from ..runs.trials import Trial, Trials
 
 LAST_BITS = 1e-15
-"""Relative change of gravity, a few units in its last place: what it does to a run is roundoff."""
+"""Relative change of gravity (without it, of the start speeds), a few units in the last place: what it does to a run is
+roundoff."""
 _SHAPIRO = np.array([-1.0, 4.0, 10.0, 4.0, -1.0]) / 16.0
 _EVEN = 1e-6  # relative difference of steps that are meant to be equal: rounding of the times
 
@@ -113,7 +114,7 @@ def varied(trials: Trials, base: Engine, done: Sequence[Intervention], last_bits
         trials: of one machine.
         base: the run that is explained.
         done: interventions.
-        last_bits: +1 or -1 changes gravity by as many :data:`LAST_BITS`.
+        last_bits: +1 or -1 changes gravity, or without it the start speeds, by as many :data:`LAST_BITS`.
 
     Raises:
         InputError: an option of an intervention is not valid.
@@ -132,8 +133,11 @@ def varied(trials: Trials, base: Engine, done: Sequence[Intervention], last_bits
 
 def _given(mechanism: Mechanism, done: Sequence[Intervention], last_bits: int) -> Mechanism:
     changes: dict[str, object] = {}
-    if last_bits:
-        changes["gravity"] = mechanism.gravity * (1.0 + last_bits * LAST_BITS)
+    factor = 1.0 + last_bits * LAST_BITS
+    if last_bits and mechanism.gravity:
+        changes["gravity"] = mechanism.gravity * factor
+    elif last_bits:
+        changes["start_speeds"] = tuple(speed * factor for speed in mechanism.start_speeds)
     for intervention in done:
         if intervention.point_inertia is not None:
             given = {"inertia": intervention.point_inertia}

@@ -1,9 +1,9 @@
 """The machines on which settings are measured: the one asked about, and neighbours, on which they are to hold, too.
 
-Of each, what is asked of an engine and what a trial has of it: the largest errors up to the launch. Neighbours are
-machines of the same kind, drawn at random, each independently of the others. Of n machines so drawn and one more, each
-is as likely as any other to be the worst; so a fresh one from the same ranges is worse than the worst of n in one case
-of n + 1, whatever the distribution of their errors.
+Of each, what is asked of an engine and what a trial has of it: the largest errors over the compared time. Neighbours
+are machines of the same kind, drawn at random, each independently of the others. Of n machines so drawn and one more,
+each is as likely as any other to be the worst; so a fresh one from the same ranges is worse than the worst of n in one
+case of n + 1, whatever the distribution of their errors.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Case:
 
     @cached_property
     def largest_torque(self) -> float:
-        """The largest torque of any stop up to the launch, by the reference [N m, N]."""
+        """The largest torque of any stop over the compared time, by the reference [N m, N]."""
         times = np.linspace(0.0, self.trials.end, _SAMPLES)
         torques = self.trials.solution.motion(times).stop_torques.values()
         return max((float(torque.max()) for torque in torques), default=0.0)
@@ -60,9 +60,17 @@ class Case:
             raise InputError(
                 f"{mechanism.name!r} has no stop that is closed at the start: only a position can be asked."
             )
-        known = self.trials.runner.uncertainties
+        if "release" in self.allowed and not self._due:
+            raise InputError(
+                f"no stop of {mechanism.name!r} releases within the compared {self.trials.end:.6g} s: no error of a "
+                "release can be asked."
+            )
+        if self.target.torque_share is not None and self.largest_torque == 0:
+            raise InputError(
+                f"no stop of {mechanism.name!r} pushes: its torque can only be asked in {self.unit('torque')}."
+            )
         for quantity, value in self.allowed.items():
-            refused = refusal(_METRICS[quantity], None, value, known.of(_METRICS[quantity]))
+            refused = refusal(_METRICS[quantity], None, value, self.trials.uncertainty(_METRICS[quantity]))
             if refused is not None:
                 raise InputError(f"{quantity} = {value:g} {self.unit(quantity)}: {refused}.")
 
@@ -81,20 +89,27 @@ class Case:
             "release": self._release_error(trial),
         }
 
-    def _release_error(self, trial: Trial) -> float:
+    @property
+    def _due(self) -> list[str]:
+        """Stops closed at the start that the reference releases within the compared time."""
         mechanism, times = self.trials.mechanism, self.trials.solution.release_times
         due = [name for name, time in times.items() if time is not None and time <= self.trials.end]
-        values = [trial.metric(f"release_time ({name})") for name in due if mechanism.stop(name).closed]
+        return [name for name in due if mechanism.stop(name).closed]
+
+    def _release_error(self, trial: Trial) -> float:
+        values = [trial.metric(f"release_time ({name})") for name in self._due]
         return max((math.inf if value is None else abs(value) for value in values), default=0.0)
 
     def ratio(self, trial: Trial) -> float:
         """The largest error over what is allowed: up to 1 it is reached."""
         errors = self.errors(trial)
-        return max(errors[name] / allowed for name, allowed in self.allowed.items())
+        return max(errors[name] / allowed if allowed else math.inf for name, allowed in self.allowed.items())
 
     def described(self, trial: Trial) -> Errors:
         """As the report has it."""
         errors = {name: value if math.isfinite(value) else None for name, value in self.errors(trial).items()}
+        if not self._due:
+            errors["release"] = None
         torque, peak = errors["torque"], self.largest_torque
         return Errors(**errors, torque_share=None if torque is None or peak == 0 else torque / peak)
 

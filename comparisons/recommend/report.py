@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from ...models.mechanism import Mechanism
 from ..report.document import Block, Code, Document, Heading, Text
 from ..report.numbers import format_number, sentence
+from ..report.sections import compared_time
 from .cases import unit_of
 from .results import Advice, Asked, Attempt, Choice, EngineAdvice, Errors
 
@@ -15,6 +16,7 @@ def document(advice: Advice) -> Document:
     """One chapter an engine: settings, errors, wall time, what was tried, and the texts to paste."""
     blocks: list[Block] = [
         Text(_target(advice.asked, advice.mechanism), "strong", lead=f"{advice.model}:"),
+        Text(compared_time(advice.launch_time, advice.compared_to, advice.judged_to)),
         Text(sentence(advice.rule)),
     ]
     for engine in advice.engines:
@@ -28,7 +30,7 @@ def _target(target: Asked, mechanism: Mechanism) -> str:
     parts = [f"{name} within {value:g} {unit_of(name, mechanism)}" for name, value in values if value is not None]
     if target.torque_share is not None:
         parts.append(f"torque within {100 * target.torque_share:g} % of the largest")
-    return ", ".join(parts) + ", up to the launch"
+    return ", ".join(parts)
 
 
 def _chapter(engine: EngineAdvice, mechanism: Mechanism) -> Iterator[Block]:

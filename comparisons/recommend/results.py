@@ -21,7 +21,7 @@ class Asked(Spec):
         InputError: nothing is asked, a value is not positive and finite, or the torque is asked for in two ways.
     """
 
-    position: Positive | None = Field(default=None, description="distance of the projectile at any sample [m]")
+    position: Positive | None = Field(default=None, description="distance of any marker at any sample [m]")
     torque: Positive | None = Field(
         default=None, description="of any stop's torque at any sample [N m, or N on points]"
     )
@@ -50,7 +50,7 @@ class Obstacle(StrEnum):
 
 
 class Errors(Spec):
-    """The largest errors up to the launch; None: there is no such figure."""
+    """The largest errors over the compared time; None: there is no such figure."""
 
     position: Real | None = Field(description="[m]")
     torque: Real | None = Field(description="[N m, or N on points]")
@@ -111,6 +111,11 @@ class Advice(ResultFile):
     model: str
     mechanism: Mechanism
     mechanism_hash: str
+    launch_time: Real | None = Field(
+        default=None, description="of the reference [s]; None: it does not launch within what is compared"
+    )
+    compared_to: Real | None = Field(default=None, description="end of the compared motion [s]; None: the launch")
+    judged_to: Real | None = Field(default=None, description="that, or the predictability horizon if earlier [s]")
     asked: Asked
     rule: str = Field(description="what the settings were measured on")
     neighbours: tuple[NeighbourMachine, ...]

@@ -6,7 +6,7 @@ import json
 import math
 import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
@@ -19,6 +19,7 @@ from ...models.spec import Spec
 from ...reference.solver import characteristic_time
 from ..runs.study import Counter, Study
 from ..runs.trials import Trial, Trials
+from ..runs.until import Until
 from .cases import ANGLE, GRAVITY, LENGTH, MASS, Case, Neighbour, of_mechanism, of_parameters
 from .obstacles import explain
 from .results import Advice, Asked, Attempt, Choice, EngineAdvice, Errors, NeighbourMachine
@@ -26,7 +27,7 @@ from .search import HARDEST, Level, Search, Sweep, ladder, option_sets
 
 NEIGHBOURS = 32
 _MOST_NEIGHBOURS = 200
-_DRAWS = 10  # to a neighbour: some do not launch
+_DRAWS = 10  # to a neighbour: some do not come to the same end
 
 
 @dataclass(frozen=True)
@@ -47,14 +48,14 @@ def recommend(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advic
 
     Args:
         study: one machine, by name or a mechanism of your own (whose masses and gravity are varied), engines (all
-            known ones but the reference if None; those not installed become rows that say so), and how they are run.
-            Its presets and options are not used.
-        asked: largest errors allowed, up to the launch.
+            known ones but the reference if None; those not installed become rows that say so), how they are run, and
+            the end of the compared motion. Its presets and options are not used.
+        asked: largest errors allowed, up to that end.
         neighbours: how many machines of the same kind are looked at; 0: only the machine itself.
 
     Raises:
-        InputError: a name or value is not valid, the machine does not launch, or the reference is not certain enough
-            to judge the target. A run that fails raises nothing.
+        InputError: a name or value is not valid, the end does not come, or the reference is not certain enough to
+            judge the target. A run that fails raises nothing.
     """
     (model,) = study.models
     if not 0 <= neighbours <= _MOST_NEIGHBOURS:
@@ -64,8 +65,8 @@ def recommend(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advic
     names = study.measured_engines
     with study.worker() as worker:
 
-        def case(mechanism: Mechanism) -> Case:
-            return Case(Trials(mechanism, worker, study.store, curves=False), asked)
+        def case(mechanism: Mechanism, until: Until) -> Case:
+            return Case(Trials(mechanism, worker, study.store, curves=False, until=until, law=study.law), asked)
 
         family = _family(model, study, neighbours, case)
         sets = {name: option_sets(name) if engine_class(name).is_installed() else () for name in names}
@@ -74,8 +75,8 @@ def recommend(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advic
     return _whole(family, asked, advice)
 
 
-def _family(model: str | Mechanism, study: Study, count: int, case: Callable[[Mechanism], Case]) -> _Family:
-    own = case(study.mechanisms[0])
+def _family(model: str | Mechanism, study: Study, count: int, case: Callable[[Mechanism, Until], Case]) -> _Family:
+    own = case(study.mechanisms[0], study.end)
     own.refuse_what_cannot_be_judged()
     if isinstance(model, str):
         source = of_parameters(model, study.parameters)
@@ -86,20 +87,24 @@ def _family(model: str | Mechanism, study: Study, count: int, case: Callable[[Me
         varied = f"masses up to {MASS:g} times, gravity up to {GRAVITY:g} times (or as many times less)"
         varied += "; its geometry was not varied"
     cases, rows = [own], list[NeighbourMachine]()
-    for launching, changes in islice(_launching(islice(source, _DRAWS * count), case), count):
-        cases.append(launching)
-        rows.append(NeighbourMachine(made_with=changes, mechanism_hash=launching.trials.mechanism.content_hash))
-    return _Family(tuple(cases), tuple(rows), varied, _words(model, study.parameters))
+    # What launches has neighbours that launch: another one is no trebuchet.
+    until = replace(study.end, required=own.trials.runner.launch_time is not None or study.end.required)
+    for neighbour, changes in islice(_moving(islice(source, _DRAWS * count), case, until), count):
+        cases.append(neighbour)
+        rows.append(NeighbourMachine(made_with=changes, mechanism_hash=neighbour.trials.mechanism.content_hash))
+    words = _words(model, study.parameters)
+    words += () if study.until is None else ("--until", str(study.until))
+    return _Family(tuple(cases), tuple(rows), varied, words)
 
 
-def _launching(
-    source: Iterator[Neighbour], case: Callable[[Mechanism], Case]
+def _moving(
+    source: Iterator[Neighbour], case: Callable[[Mechanism, Until], Case], until: Until
 ) -> Iterator[tuple[Case, dict[str, float]]]:
     for mechanism, changes in source:
         try:
-            yield case(mechanism), changes
+            yield case(mechanism, until), changes
         except TrebucheckError:
-            continue  # it does not launch: then it is no trebuchet
+            continue  # its motion has not the same end, or cannot be solved
 
 
 def _words(model: str | Mechanism, parameters: Spec | None) -> tuple[str, ...]:
@@ -115,8 +120,8 @@ def _advice(name: str, sets: tuple[OptionSet, ...], family: _Family, count: Coun
     version = engine_class(name).version()
     if not sets:
         return EngineAdvice(engine=name, engine_version=version, choice=None, message=f"{name} is not installed here.")
-    mechanism = family.cases[0].trials.mechanism
-    search = Search(name, family.cases, ladder(characteristic_time(mechanism)))
+    trials = family.cases[0].trials
+    search = Search(name, family.cases, ladder(trials.characteristic_time))
     sweeps: list[Sweep] = []
     for options in reversed(sets):  # the most accurate first: what the others may cost follows from it
         count.start(f"{name}: {options.name}")
@@ -128,7 +133,9 @@ def _advice(name: str, sets: tuple[OptionSet, ...], family: _Family, count: Coun
         verdict = explain(search, sweeps)
         return base.model_copy(update={"obstacle": verdict.obstacle, "message": verdict.sentence})
     choice = _choice(family.cases, *chosen)
-    texts = snippets(name, mechanism, choice.preset, chosen[0].options.all_options(choice.step), family.words)
+    changes, end = chosen[0].options.all_options(choice.step), trials.runner.end
+    duration = _TO_A_LAUNCH * trials.characteristic_time if trials.runner.launch_time else end
+    texts = snippets(name, trials.mechanism, choice.preset, changes, family.words, duration)
     return base.model_copy(update={"choice": choice, "snippets": texts})
 
 
@@ -174,11 +181,15 @@ def _worst(measured: list[Errors]) -> Errors:
 
 
 def _whole(family: _Family, target: Asked, advice: tuple[EngineAdvice, ...]) -> Advice:
-    mechanism, count = family.cases[0].trials.mechanism, len(family.neighbours)
+    trials, count = family.cases[0].trials, len(family.neighbours)
+    mechanism, runner = trials.mechanism, trials.runner
     return Advice.made_here(
         model=mechanism.name,
         mechanism=mechanism,
         mechanism_hash=mechanism.content_hash,
+        launch_time=runner.launch_time,
+        compared_to=runner.end,
+        judged_to=trials.end,
         asked=target,
         rule=_rule(family, count),
         neighbours=family.neighbours,
@@ -201,7 +212,12 @@ _TO_A_LAUNCH = 2.0  # characteristic times: most launches come by then
 
 
 def snippets(
-    name: str, mechanism: Mechanism, preset: str, changes: Mapping[str, Any], words: Sequence[str] = ()
+    name: str,
+    mechanism: Mechanism,
+    preset: str,
+    changes: Mapping[str, Any],
+    words: Sequence[str] = (),
+    duration: float | None = None,
 ) -> dict[str, str]:
     """Texts to paste, by what they are for; the trebucheck ones last.
 
@@ -211,11 +227,13 @@ def snippets(
         preset: the settings start from.
         changes: options set over the preset, the time step included.
         words: how the machine is named on the command line; by its name if left out.
+        duration: that is simulated [s]; two characteristic times if left out.
     """
     settings = engine(name, preset, **changes)
-    duration = float(f"{_TO_A_LAUNCH * characteristic_time(mechanism):.3g}")
+    if duration is None:
+        duration = _TO_A_LAUNCH * characteristic_time(mechanism)
     return {
-        **engine_study(name).snippets(settings, mechanism, duration),
+        **engine_study(name).snippets(settings, mechanism, float(f"{duration:.3g}")),
         COMMAND: _command(name, words or ("--model", mechanism.name), preset, changes),
         PYTHON: _python(name, preset, changes),
     }

@@ -17,6 +17,29 @@ Settings = tuple[str, str, str, Mapping[str, object]]
 """Machine, engine (and what else names the run), version, and settings."""
 
 
+HORIZON = (
+    "there a hundred-thousandth of a body's inertia moves the mechanism by a thousandth of its size, and any two "
+    "integrators differ"
+)
+"""What is so beyond the predictability horizon."""
+
+
+def compared_time(launch_time: float | None, compared_to: float | None, judged_to: float | None) -> str:
+    """Until when motions are compared, and why not longer.
+
+    Args:
+        launch_time: of the reference [s]; None if it does not launch by the end.
+        compared_to: end of the compared motion [s]; None: the launch.
+        judged_to: that, or the predictability horizon if earlier [s]; None: the end.
+    """
+    end = compared_to or launch_time or 0.0
+    launches = launch_time is not None and launch_time >= end * (1 - 1e-9)
+    text = f"Compared from the start to {'the launch at ' if launches else ''}{end:.6f} s."
+    if judged_to is None or judged_to >= end:
+        return text
+    return f"{text} Nothing is compared beyond {judged_to:.6g} s: {HORIZON}."
+
+
 def provenance(
     result: ResultFile, runs: Iterable[Settings], mechanisms: Sequence[tuple[str, Mechanism]]
 ) -> tuple[Block, ...]:

@@ -27,6 +27,7 @@ from ...models.errors import (
     UnsupportedProblemError,
     shortened,
 )
+from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.trajectory import Trajectory
@@ -262,6 +263,12 @@ class Runner:
     def end(self) -> float:
         """End of the compared motion [s]: as asked for, or the launch, or after some characteristic times."""
         return self._solved[1]
+
+    @property
+    def launch_time(self) -> float | None:
+        """Of the reference, by the end of the compared motion [s]."""
+        launch = self.solution.launch_at(LAUNCH_ANGLE, self.until.thrown)
+        return launch.time if launch and launch.time <= self.end else None
 
     @cached_property
     def uncertainties(self) -> Uncertainties:

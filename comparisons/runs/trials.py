@@ -22,32 +22,37 @@ from scipy.interpolate import make_interp_spline
 from ...engines.protocol import Engine
 from ...engines.registry import engine_class
 from ...models.arrays import FloatArray
+from ...models.kinematics import Kinematics
+from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
+from ...models.problem import StopLaw
 from ...models.spec import Real, Spec
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
-from .metrics import measure
+from ...reference.solver import characteristic_time
+from .metrics import THROWN, measure
 from .runner import Runner, Worker, failure
-from .scales import Scales, scales_until
+from .scales import Scales
 from .store import Store, conditions
 from .until import Until
 
 GRID = 1000
 """Intervals of the common grid."""
-PROJECTILE = "projectile"
+
+Positions = dict[str, tuple[tuple[Real, ...], tuple[Real, ...]]]
 
 
 class Deviation(Spec):
     """Of one trajectory, on a uniform grid from 0 to the end of the compared motion."""
 
     end: Real = Field(description="end of the compared motion [s]")
-    position: tuple[tuple[Real, ...], ...] = Field(description="of the projectile, x and y [m], shape (2, GRID + 1)")
+    positions: Positions = Field(description="x and y of each point of :func:`points` [m], each of GRID + 1 values")
     torques: dict[str, tuple[Real, ...]] = Field(description="of stops closed at the start [N m, N], on the grid")
     force_units: dict[str, str] = Field(default_factory=dict, description="of the torques; N m where left out")
     energy: tuple[Real, ...] = Field(description="total energy, of that at the start [J], on the grid")
     release_times: dict[str, Real | None] = Field(description="[s]; None where only one of the two releases")
-    launch_time: Real | None = Field(description="[s]")
-    launch_speed: Real | None = Field(description="[m/s]")
+    launch_time: Real | None = Field(description="[s]; None where not both launch")
+    launch_speed: Real | None = Field(description="[m/s]; None where not both launch")
     metrics: dict[str, Real] = Field(description="by label, as in a comparison")
 
     @property
@@ -55,16 +60,29 @@ class Deviation(Spec):
         """The grid [s], shape (GRID + 1,)."""
         return np.linspace(0.0, self.end, GRID + 1)
 
-    def quantity(self, name: str) -> FloatArray:
-        """A quantity as one flat vector; missing figures are NaN.
+    @property
+    def position(self) -> FloatArray:
+        """Of all points in the order of their names [m], shape (points, 2, GRID + 1)."""
+        return np.array([self.positions[name] for name in sorted(self.positions)])
 
-        Args:
-            name: 'position', 'energy', 'launch_time', 'launch_speed', or a stop's name for its torque.
-        """
-        if name in self.torques:
-            return np.array(self.torques[name])
-        value = getattr(self, name)
-        return np.atleast_1d(np.array(np.nan if value is None else value, dtype=np.float64)).ravel()
+    @property
+    def farthest(self) -> str:
+        """The point with the largest distance from the reference."""
+        return max(self.positions, key=lambda name: np.linalg.norm(self.positions[name], axis=0).max())
+
+    def of_point(self, name: str) -> Deviation:
+        """The same with the position of one point only."""
+        return self.model_copy(update={"positions": {name: self.positions[name]}})
+
+
+def points(trajectory: Trajectory) -> dict[str, FloatArray]:
+    """Positions that are compared [m], shape (n, 2): of the markers; without any, of the bodies' centres of mass."""
+    mechanism = trajectory.mechanism
+    if mechanism.markers:
+        return {name: motion.position for name, motion in trajectory.markers.items()}
+    kinematics = Kinematics(mechanism)
+    rows = {body.name: kinematics.point(body.name, body.centre) for body in mechanism.bodies}
+    return {name: kinematics.position(row, trajectory.q) for name, row in rows.items()}
 
 
 def deviation(
@@ -73,6 +91,7 @@ def deviation(
     end: float,
     reference: Trajectory | None = None,
     scales: Scales | None = None,
+    thrown: str = THROWN,
 ) -> Deviation:
     """Set a trajectory beside the reference, at its own times, and interpolate the difference to the common grid.
 
@@ -80,10 +99,12 @@ def deviation(
         end: end of the compared motion [s]; the trajectory should go on a little beyond it.
         reference: at the trajectory's times, where it is known already.
         scales: of the reference motion up to the end, where they are known already.
+        thrown: marker whose launch is measured.
     """
     reference = reference or solution.trajectory(trajectory.t)
     grid = np.linspace(0.0, end, GRID + 1)
-    error = trajectory.marker(PROJECTILE).position - reference.marker(PROJECTILE).position
+    expected = points(reference)
+    errors = {name: position - expected[name] for name, position in points(trajectory).items()}
     closed = [stop.name for stop in trajectory.mechanism.stops if stop.closed]
     torques = {
         name: np.interp(grid, trajectory.t, trajectory.stop_torque(name) - reference.stop_torque(name))
@@ -91,22 +112,38 @@ def deviation(
         if name in trajectory.stop_torques
     }
     start = float(reference.total_energy[0])
-    launch, expected = trajectory.launch(), solution.launch
-    measured = measure(trajectory, solution, end, reference, scales=scales)
+    measured = measure(trajectory, solution, end, reference, scales=scales, thrown=thrown)
     metrics = {m.label: m.value for m in measured if m.value is not None}
+    farthest = {name: np.linalg.norm(error[trajectory.t <= end], axis=1).max() for name, error in errors.items()}
+    launch_time, launch_speed = _launch_differences(trajectory, solution, thrown)
     return Deviation(
         end=end,
         force_units={name: trajectory.mechanism.stop(name).force_unit for name in torques},
-        position=tuple(tuple(row) for row in _interpolated(trajectory.t, error, grid).T.tolist()),
+        positions={name: _on_grid(trajectory.t, error, grid) for name, error in errors.items()},
         torques={name: tuple(values.tolist()) for name, values in torques.items()},
         energy=tuple(np.interp(grid, trajectory.t, trajectory.total_energy - start).tolist()),
         release_times={
             name: _difference(trajectory.release_time(name), solution.release_times[name]) for name in closed
         },
-        launch_time=launch.time - expected.time if launch and expected else None,
-        launch_speed=launch.speed - expected.speed if launch and expected else None,
-        metrics=metrics,
+        launch_time=launch_time,
+        launch_speed=launch_speed,
+        metrics={f"position_max ({name})": float(distance) for name, distance in farthest.items()} | metrics,
     )
+
+
+def _launch_differences(
+    trajectory: Trajectory, solution: Solution, thrown: str
+) -> tuple[float, float] | tuple[None, None]:
+    """Of time [s] and speed [m/s]; None where not both launch."""
+    if thrown not in trajectory.markers:
+        return None, None
+    launch, expected = trajectory.launch(marker=thrown), solution.launch_at(LAUNCH_ANGLE, thrown)
+    return (launch.time - expected.time, launch.speed - expected.speed) if launch and expected else (None, None)
+
+
+def _on_grid(t: FloatArray, error: FloatArray, grid: FloatArray) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    x, y = _interpolated(t, error, grid).T.tolist()
+    return tuple(x), tuple(y)
 
 
 def _interpolated(t: FloatArray, values: FloatArray, grid: FloatArray) -> FloatArray:
@@ -120,7 +157,7 @@ def _difference(value: float | None, expected: float | None) -> float | None:
 
 
 _TIMED_FOR = 0.5  # [s] a longer run averages over what disturbs it, and one run of it is timing enough
-_NO_CURVES: dict[str, object] = {"position": ((), ()), "torques": {}, "energy": ()}
+_NO_CURVES: dict[str, object] = {"positions": {}, "torques": {}, "energy": ()}
 
 
 class Trial(Spec):
@@ -142,25 +179,31 @@ class Trial(Spec):
 
     @property
     def position(self) -> float | None:
-        """Largest distance of the projectile from the reference up to the launch [m]."""
-        return self.metric("position_max (projectile)")
+        """Largest distance of any point of :func:`points` from the reference [m]."""
+        return self._largest("position_max")
 
     @property
     def torque(self) -> float | None:
         """Largest error of any stop's torque at any sample [N m]."""
+        return self._largest("stop_torque_max")
+
+    def _largest(self, metric: str) -> float | None:
         metrics = {} if self.deviation is None else self.deviation.metrics
-        return max((value for label, value in metrics.items() if label.startswith("stop_torque_max")), default=None)
+        return max((value for label, value in metrics.items() if label.startswith(metric)), default=None)
 
 
 class Trials:
-    """Runs engines on one machine, up to the reference's launch, and remembers the results.
+    """Runs engines on one mechanism and remembers the results.
+
+    They are compared up to the end of the motion, or to the predictability horizon if that is earlier.
 
     Args:
-        mechanism: the machine; it must launch.
+        mechanism: that moves.
         worker: the process to run in; None: this one. Its owner closes it.
         store: where trials are kept as JSON; None: only in memory.
-        until: end of the compared motion; None: the launch.
         curves: keep the deviations as functions of time; without them a trial is its metrics alone, and small.
+        until: end of the compared motion; None: the launch, if there is one.
+        law: of the stops.
 
     Raises:
         InputError: the end is not valid, or does not come.
@@ -174,12 +217,30 @@ class Trials:
         *,
         curves: bool = True,
         until: Until | None = None,
+        law: StopLaw = StopLaw.RELEASE_ONCE,
     ) -> None:
-        self.runner = Runner(mechanism, worker, until or Until())
-        self.mechanism, self.solution, self.end = mechanism, self.runner.solution, self.runner.end
-        self._scales = scales_until(self.solution, self.end)
+        self.runner = Runner(mechanism, worker, until, law)
+        self.mechanism, self.solution, self.end = mechanism, self.runner.solution, self.runner.judged_to
+        self._scales = self.runner.scales
         self._store, self._curves = store, curves
         self._known: dict[str, Trial] = {}
+
+    @property
+    def characteristic_time(self) -> float:
+        """Of the mechanism under gravity; without gravity, of its motion [s]."""
+        return characteristic_time(self.mechanism) if self.mechanism.gravity else self._scales.time
+
+    def uncertainty(self, metric: str) -> float | None:
+        """Of the reference in a metric, the largest of all its subjects, in its unit; None where nothing is known.
+
+        That of the centres of mass of a mechanism without markers follows from those of its coordinates: each is at
+        the end of a chain of bodies, whose angles count with their lengths.
+        """
+        known = self.runner.uncertainties.values
+        if metric == "position_max" and not self.mechanism.markers:
+            slides = len(self.mechanism.slides) * known.get("slide_max", 0.0)
+            return self._scales.length * known.get("angle_max", 0.0) + slides
+        return max((value for name, value in known.items() if name.startswith(metric)), default=None)
 
     def trial(self, engine: Engine, repeats: int = 1, of: Mechanism | None = None) -> Trial:
         """An engine's trial, run if it is not known yet (or timed less often than asked for).
@@ -191,8 +252,8 @@ class Trials:
                 machine shows what that wrongness does.
         """
         given = of or self.mechanism
-        parts = (given.content_hash, self.mechanism.content_hash, self.runner.law.value, self._curves)
-        made_by = conditions(*parts, engine=engine)
+        run = (given.content_hash, self.mechanism.content_hash, self.runner.law.value, repr(self.runner.until))
+        made_by = conditions(*run, self._curves, engine=engine)
         key = f"{engine.name}-{made_by[:20]}"
         known = self._known.get(key) or self._kept(key, made_by)
         trial = self._timed(known or self._run(engine, given), engine, given, repeats)
@@ -219,7 +280,8 @@ class Trials:
         )
         try:
             run = self.runner.simulate(engine, given)
-            measured = deviation(run, self.solution, self.end, self.runner.reference(run.t), self._scales)
+            given_reference, thrown = self.runner.reference(run.t), self.runner.until.thrown
+            measured = deviation(run, self.solution, self.end, given_reference, self._scales, thrown)
         except Exception as error:
             return base.model_copy(update={"message": failure(error)[1]})
         took = run.provenance

@@ -68,6 +68,11 @@ class Until:
         if self.kind == "time":
             duration = Problem(mechanism, duration=self.time, stop_law=law).duration
             return solve(Problem(mechanism, duration=duration * (1 + _TAIL), stop_law=law)), duration
+        if mechanism.gravity == 0:
+            raise InputError(
+                f"{mechanism.name!r} has no gravity, and so no time scale within which an event could be looked for; "
+                "name the end of the compared motion in seconds, e.g. --until 2.5."
+            )
         return self._released(mechanism, law) if self.kind == "release" else self._launched(mechanism, law)
 
     def _released(self, mechanism: Mechanism, law: StopLaw) -> tuple[Solution, float]:

@@ -166,7 +166,7 @@ class _Synthetic:
         self.made.append((name, step))
         error = self.constants[name] * self.factor * step**2 + self.floor
         found = Deviation(
-            end=1.0, position=((), ()), torques={}, energy=(), release_times={}, launch_time=None, launch_speed=None,
+            end=1.0, positions={}, torques={}, energy=(), release_times={}, launch_time=None, launch_speed=None,
             metrics={"position_max (projectile)": error},
         )  # fmt: skip
         return Trial(

@@ -81,7 +81,7 @@ class ClosedForm:
 def _deviation(e: FloatArray) -> Deviation:
     return Deviation(
         end=1.0,
-        position=(tuple(e.tolist()), tuple((0 * e).tolist())),
+        positions={"projectile": (tuple(e.tolist()), tuple((0 * e).tolist()))},
         torques={HANGER_REST: tuple((1e3 * e).tolist())},
         energy=tuple(e.tolist()),
         release_times={HANGER_REST: float(e[-1])},
