@@ -205,7 +205,7 @@ def diagnosis(run: Run) -> list[str]:
     diagnosed = run.diagnosis
     if diagnosed is None:
         return []
-    when = "before any motion"
+    when = "in its motion" if run.metrics else "before any motion"
     if diagnosed.parts_at is not None:
         holding = ", ".join(diagnosed.holding) or "no stop"
         when = f"from t = {diagnosed.parts_at:.6g} s, while {holding} held in the reference"
