@@ -21,6 +21,7 @@ crasher = plugins:Crasher
 plain = plugins:Plain
 strange = plugins:Strange
 sleeper = plugins:Sleeper
+second = plugins:Second
 """
 
 
@@ -76,6 +77,19 @@ class Liar(Echo):
         other = tb.fixed(tb.TrebuchetParameters(m_b=60.06))
         found = super().simulate(tb.Problem(other, duration=problem.duration))
         return replace(found, mechanism=problem.mechanism)
+
+
+class Second(Echo):
+    """Its error is of second order: everything that moves the mechanism is larger by the square of the step."""
+
+    name = "second"
+
+    def simulate(self, problem: tb.Problem) -> tb.Trajectory:
+        given, factor = problem.mechanism, 1.0 + self.timestep**2
+        speeds = tuple(speed * factor for speed in given.start_speeds)
+        stronger = given.model_copy(update={"gravity": given.gravity * factor, "start_speeds": speeds})
+        found = super().simulate(tb.Problem(stronger, duration=problem.duration, stop_law=problem.stop_law))
+        return replace(found, mechanism=given)
 
 
 class Raiser(Echo):

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import math
 import shlex
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 from typing import Any
 
@@ -20,7 +21,7 @@ from ...reference.solver import characteristic_time
 from ..runs.study import Counter, Study
 from ..runs.trials import Trial, Trials
 from ..runs.until import Until
-from .cases import ANGLE, GRAVITY, LENGTH, MASS, Case, Neighbour, of_mechanism, of_parameters
+from .cases import ANGLE, GRAVITY, LENGTH, MASS, Case, of_mechanism, of_parameters
 from .obstacles import explain
 from .results import Advice, Asked, Attempt, Choice, EngineAdvice, Errors, NeighbourMachine
 from .search import HARDEST, Level, Search, Sweep, ladder, option_sets
@@ -38,6 +39,10 @@ class _Family:
     varied: str
     words: tuple[str, ...]
     """How the machine is named on the command line."""
+
+
+_MakeCase = Callable[[Mechanism, Until, bool], Case]
+"""Of a mechanism, the end of its motion, and whether that is known to be predictable up to there."""
 
 
 def recommend(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advice:
@@ -65,8 +70,9 @@ def recommend(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advic
     names = study.measured_engines
     with study.worker() as worker:
 
-        def case(mechanism: Mechanism, until: Until) -> Case:
-            return Case(Trials(mechanism, worker, study.store, curves=False, until=until, law=study.law), asked)
+        def case(mechanism: Mechanism, until: Until, predictable: bool) -> Case:
+            made = partial(Trials, mechanism, worker, study.store, curves=False, law=study.law)
+            return Case(made(until=until, predictable=predictable), asked)
 
         family = _family(model, study, neighbours, case)
         sets = {name: option_sets(name) if engine_class(name).is_installed() else () for name in names}
@@ -75,8 +81,8 @@ def recommend(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advic
     return _whole(family, asked, advice)
 
 
-def _family(model: str | Mechanism, study: Study, count: int, case: Callable[[Mechanism, Until], Case]) -> _Family:
-    own = case(study.mechanisms[0], study.end)
+def _family(model: str | Mechanism, study: Study, count: int, case: _MakeCase) -> _Family:
+    own = case(study.mechanisms[0], study.end, False)
     own.refuse_what_cannot_be_judged()
     if isinstance(model, str):
         source = of_parameters(model, study.parameters)
@@ -89,7 +95,9 @@ def _family(model: str | Mechanism, study: Study, count: int, case: Callable[[Me
     cases, rows = [own], list[NeighbourMachine]()
     # What launches has neighbours that launch: another one is no trebuchet.
     until = replace(study.end, required=own.trials.runner.launch_time is not None or study.end.required)
-    for neighbour, changes in islice(_moving(islice(source, _DRAWS * count), case, until), count):
+    predictable = own.trials.end == own.trials.runner.end  # then so are its neighbours
+    tried = ((partial(case, mechanism, until, predictable), made) for mechanism, made in islice(source, _DRAWS * count))
+    for neighbour, changes in islice(_moving(tried), count):
         cases.append(neighbour)
         rows.append(NeighbourMachine(made_with=changes, mechanism_hash=neighbour.trials.mechanism.content_hash))
     words = _words(model, study.parameters)
@@ -97,12 +105,10 @@ def _family(model: str | Mechanism, study: Study, count: int, case: Callable[[Me
     return _Family(tuple(cases), tuple(rows), varied, words)
 
 
-def _moving(
-    source: Iterator[Neighbour], case: Callable[[Mechanism, Until], Case], until: Until
-) -> Iterator[tuple[Case, dict[str, float]]]:
-    for mechanism, changes in source:
+def _moving(tried: Iterable[tuple[Callable[[], Case], dict[str, float]]]) -> Iterator[tuple[Case, dict[str, float]]]:
+    for case, changes in tried:
         try:
-            yield case(mechanism, until), changes
+            yield case(), changes
         except TrebucheckError:
             continue  # its motion has not the same end, or cannot be solved
 

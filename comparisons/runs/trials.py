@@ -32,7 +32,7 @@ from ...reference.solution import Solution
 from ...reference.solver import characteristic_time
 from .metrics import THROWN, measure
 from .runner import Runner, Worker, failure
-from .scales import Scales
+from .scales import Scales, scales_until
 from .store import Store, conditions
 from .until import Until
 
@@ -204,6 +204,7 @@ class Trials:
         curves: keep the deviations as functions of time; without them a trial is its metrics alone, and small.
         until: end of the compared motion; None: the launch, if there is one.
         law: of the stops.
+        predictable: up to the end, as is known: the horizon is not computed.
 
     Raises:
         InputError: the end is not valid, or does not come.
@@ -218,10 +219,12 @@ class Trials:
         curves: bool = True,
         until: Until | None = None,
         law: StopLaw = StopLaw.RELEASE_ONCE,
+        predictable: bool = False,
     ) -> None:
         self.runner = Runner(mechanism, worker, until, law)
-        self.mechanism, self.solution, self.end = mechanism, self.runner.solution, self.runner.judged_to
-        self._scales = self.runner.scales
+        self.mechanism, self.solution = mechanism, self.runner.solution
+        self.end = self.runner.end if predictable else self.runner.judged_to
+        self._scales = scales_until(self.solution, self.end) if predictable else self.runner.scales
         self._store, self._curves = store, curves
         self._known: dict[str, Trial] = {}
 

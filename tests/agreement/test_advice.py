@@ -17,6 +17,7 @@ from trebucheck.comparisons.recommend.search import configured, option_sets
 from trebucheck.comparisons.recommend.study import snippets
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Trials
+from trebucheck.comparisons.runs.until import Until
 from trebucheck.engines.exudyn.study import PYTHON as EXUDYN_PYTHON
 from trebucheck.engines.mujoco.study import MJCF
 from trebucheck.engines.mujoco.study import PYTHON as MUJOCO_PYTHON
@@ -49,7 +50,7 @@ def fresh_machines(model: str) -> tuple[Trials, ...]:
     while len(found) < FRESH:
         own = tb.TrebuchetParameters(**{name: float(random.uniform(*ends)) for name, ends in RANGES.items()})
         try:
-            trials = Trials(BUILDERS[model](own))
+            trials = Trials(BUILDERS[model](own), until=Until())
         except tb.InputError:
             continue  # it does not launch
         if trials.end < longest:
