@@ -153,10 +153,10 @@ class _Sweep:
             self._measure(self._fitting_step(value) if self.of_step else value)
 
     def _fitting_step(self, step: float) -> float:
-        """A step scaled to this machine's characteristic time by a power of two, and such that whole numbers fit."""
+        """A step scaled to this machine's time by a power of two, and such that whole numbers fit."""
         solution, end = self.machine.solution, self.machine.runner.end
         events = [time for time in solution.release_times.values() if time is not None]
-        size = 2.0 ** round(math.log2(self.machine.characteristic_time / _STEPS_TIME))
+        size = 2.0 ** round(math.log2(self.machine.time_scale / _STEPS_TIME))
         return fitting(step * size, end, events, solution.problem.duration)
 
     def _measure(self, value: float) -> None:

@@ -127,7 +127,7 @@ def _advice(name: str, sets: tuple[OptionSet, ...], family: _Family, count: Coun
     if not sets:
         return EngineAdvice(engine=name, engine_version=version, choice=None, message=f"{name} is not installed here.")
     trials = family.cases[0].trials
-    search = Search(name, family.cases, ladder(trials.characteristic_time))
+    search = Search(name, family.cases, ladder(trials.time_scale))
     sweeps: list[Sweep] = []
     for options in reversed(sets):  # the most accurate first: what the others may cost follows from it
         count.start(f"{name}: {options.name}")
@@ -140,7 +140,7 @@ def _advice(name: str, sets: tuple[OptionSet, ...], family: _Family, count: Coun
         return base.model_copy(update={"obstacle": verdict.obstacle, "message": verdict.sentence})
     choice = _choice(family.cases, *chosen)
     changes, end = chosen[0].options.all_options(choice.step), trials.runner.end
-    duration = _TO_A_LAUNCH * trials.characteristic_time if trials.runner.launch_time else end
+    duration = _TO_A_LAUNCH * trials.time_scale if trials.runner.launch_time else end
     texts = snippets(name, trials.mechanism, choice.preset, changes, family.words, duration)
     return base.model_copy(update={"choice": choice, "snippets": texts})
 

@@ -34,7 +34,7 @@ def compared_time(launch_time: float | None, compared_to: float | None, judged_t
     """
     end = compared_to or launch_time or 0.0
     launches = launch_time is not None and launch_time >= end * (1 - 1e-9)
-    text = f"Compared from the start to {'the launch at ' if launches else ''}{end:.6f} s."
+    text = f"Compared from the start to {f'the launch at {end:.6f}' if launches else f'{end:.6g}'} s."
     if judged_to is None or judged_to >= end:
         return text
     return f"{text} Nothing is compared beyond {judged_to:.6g} s: {HORIZON}."

@@ -229,9 +229,10 @@ class Trials:
         self._known: dict[str, Trial] = {}
 
     @property
-    def characteristic_time(self) -> float:
-        """Of the mechanism under gravity; without gravity, of its motion [s]."""
-        return characteristic_time(self.mechanism) if self.mechanism.gravity else self._scales.time
+    def time_scale(self) -> float:
+        """What steps are parts of: characteristic time (without gravity, of the motion) or, if less, the end [s]."""
+        own = characteristic_time(self.mechanism) if self.mechanism.gravity else self._scales.time
+        return min(own, self.runner.end)
 
     def uncertainty(self, metric: str) -> float | None:
         """Of the reference in a metric, the largest of all its subjects, in its unit; None where nothing is known.

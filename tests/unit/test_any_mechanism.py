@@ -192,3 +192,12 @@ def test_trials_to_another_end_are_other_trials(tmp_path: Path) -> None:
     first, second = trial("0.5"), trial("1.0")
     assert first.position is not None and second.position is not None and first.position < second.position
     assert trial("0.5") == first
+
+
+def test_steps_follow_a_short_end() -> None:
+    """Ten milliseconds, or a tenth of one, have as many steps as a whole throw."""
+    for until in (1e-2, 1e-4):
+        study = Study([tb.fixed()], ["second"], until=until, isolate=False)
+        found = converging.converge(study, ["timestep"]).machines[0].studies[0]
+        assert all(point.message is None for point in found.points)
+        assert until / 200 < found.points[0].value < until / 50
