@@ -7,11 +7,13 @@ from functools import cache
 
 import pytest
 import trebucheck as tb
+from mechanisms import chain, hanging_bob
 from trebucheck.comparisons.converge import study as studying
 from trebucheck.comparisons.converge.results import MachineStudies, Study
 from trebucheck.comparisons.converge.study import converge, swept_parameters
 from trebucheck.comparisons.runs import study as runs
 from trebucheck.engines.study import SweptParameter
+from trebucheck.models.mechanism import Marker
 
 pytestmark = pytest.mark.slow
 BUILD = {"fixed": tb.fixed, "rolling": tb.rolling}
@@ -97,3 +99,18 @@ def test_laws_of_the_other_knobs(engine: str, knob: str) -> None:
     assert study.expected == LAWS[engine, knob]
     assert abs(law.exponent - LAWS[engine, knob]) <= WITHIN
     assert law.decades >= 1.0
+
+
+@pytest.mark.parametrize(
+    "mechanism",
+    [hanging_bob(start=1.2, markers=(Marker(name="tip", body="bob", point=(2.0, 0)),)), chain(gravity=0.0, markers=())],
+    ids=["tip", "no gravity, no marker"],
+)
+def test_the_order_is_found_of_any_mechanism(mechanism: tb.Mechanism, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a launch, without stops; MuJoCo's Runge-Kutta is of a higher order than these."""
+    monkeypatch.setattr(studying, "_STEPS", tuple(8e-3 / 2**k for k in range(5)))
+    study = runs.Study([mechanism], ["pymunk", "exudyn"], until=1.0, isolate=False)
+    for found in converge(study, ["timestep"]).machines[0].studies:
+        assert [curve.quantity for curve in found.curves] == ["position"]
+        law = found.curve("position").law
+        assert law is not None and law.exponent == pytest.approx(ORDER, abs=WITHIN), found.label
