@@ -50,8 +50,6 @@ class Capabilities:
     """Laws of the stops it can follow."""
     formulation: str
     """Coordinates and treatment of constraints, in a few words."""
-    restitution: bool = True
-    """Under the unilateral law, stops that give speed back; else only those with e = 0."""
 
 
 class Simulator(Protocol):
@@ -212,6 +210,11 @@ class BuiltinEngine(EngineOptions, ABC):
             **{key: value for key, value in vars(recording).items() if key != "steps"},
         )
 
+    @property
+    def resolves_impacts(self) -> bool:
+        """Whether it follows the restitution of a stop under the unilateral law, with these options."""
+        return True
+
     @abstractmethod
     def _run(self, problem: Problem) -> Recording:
         """Build, run and read out."""
@@ -237,10 +240,10 @@ class BuiltinEngine(EngineOptions, ABC):
         rebounding = [
             f"{stop.name!r} (e = {stop.restitution:g})" for stop in problem.mechanism.stops if stop.restitution
         ]
-        if rebounding and problem.stop_law is StopLaw.UNILATERAL and not self.capabilities.restitution:
+        if rebounding and problem.stop_law is StopLaw.UNILATERAL and not self.resolves_impacts:
             raise UnsupportedProblemError(
-                f"{self.name} cannot follow the unilateral law of {', '.join(rebounding)}: its stops give back what "
-                "their springs do; it can follow that of stops with restitution 0."
+                f"{self.name} cannot follow the unilateral law of {', '.join(rebounding)} with these options: its "
+                "stops give back what their springs do; it can follow that of stops with restitution 0."
             )
         if self.timestep > problem.duration:
             raise InputError(

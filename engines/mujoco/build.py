@@ -9,7 +9,6 @@ from ...models.errors import SimulationError
 from ...models.mechanism import Mechanism
 from ...models.mjcf.points import felt_from
 from ...models.mjcf.writer import MARGIN, START_KEY, mjcf
-from ..contact_events import refuse_moving_gaps
 from .constraints import UnilateralConstraint, stop_contacts
 from .options import MujocoOptions, scaled_solref
 from .reference_acceleration import CALLBACK, ReferenceAccelerationCorrection, mujoco
@@ -22,9 +21,8 @@ def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
 
     Raises:
         SimulationError: MuJoCo refuses the model.
-        UnsupportedProblemError: the mechanism cannot be written as MJCF, or a closed stop's gap changes at the start.
+        UnsupportedProblemError: the mechanism cannot be written as MJCF.
     """
-    refuse_moving_gaps(mechanism, "mujoco")
     text = mjcf(mechanism, options.timestep)
     try:
         with CALLBACK:  # MuJoCo's compiler calls it as well, with a model that Python does not know

@@ -40,6 +40,10 @@ class Limit:
         """Remove the limit from the model; the other end of the range stays."""
         getattr(model, f"{self.element}_range")[self.index, self.end] = FAR if self.end else -FAR
 
+    def restore(self, model: Any) -> None:
+        """Put the limit back into the model."""
+        getattr(model, f"{self.element}_range")[self.index, self.end] = self.range[self.end]
+
     def row(self, data: Any) -> int | None:
         """Its row among the constraints that are present; None if it is out of reach."""
         rows = np.flatnonzero((data.efc_type == self.constraint) & (data.efc_id == self.index))
@@ -90,10 +94,16 @@ class PointContact:
     """Of the pair of geoms."""
     geoms: tuple[int, int]
     """Plane and sphere."""
+    margin: float
+    """Of the pair, before anything was removed [m]."""
 
     def remove(self, model: Any) -> None:
         """Set the margin so low that the sphere never comes within it."""
         model.pair_margin[self.index] = -FAR
+
+    def restore(self, model: Any) -> None:
+        """Set the margin back."""
+        model.pair_margin[self.index] = self.margin
 
     def row(self, data: Any) -> int | None:
         """Its row among the constraints that are present; None if the sphere is out of reach."""
@@ -150,7 +160,7 @@ def slot_contacts(mechanism: Mechanism, model: Any) -> list[PointContact]:
 
 def _contact(model: Any, name: str) -> PointContact:
     pair = model.pair(name)
-    return PointContact(int(pair.id), (int(pair.geom1[0]), int(pair.geom2[0])))
+    return PointContact(int(pair.id), (int(pair.geom1[0]), int(pair.geom2[0])), float(pair.margin[0]))
 
 
 def _limit(model: Any, stop: Stop) -> Limit:

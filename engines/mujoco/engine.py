@@ -20,9 +20,9 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
 
     Stops are joint limits, which MuJoCo treats as soft: a stop gives way by about 1e-10 rad at a step of 1e-3 s,
     and by four times that at twice the step, for the tuned limits are scaled with it. Under the release-once law
-    a limit is taken out of the model when it releases, and those open at the start are out from the beginning;
-    under the unilateral law all stay in, and an impact is that of a stiff, damped spring, spread over some steps: it
-    gives back some of the speed where e = 0, and a stop with another restitution is refused.
+    a limit is taken out of the model when it releases, and those open at the start are out from the beginning.
+    Under the unilateral law one that is open is out as well; an impact is located inside its step, resolved at once
+    with the stop's restitution through MuJoCo's mass matrix, and a stop that rests afterwards is put back.
 
     Stops on points are frictionless contacts of a sphere with a plane, slots that close a loop are two of them,
     pins that do are `connect` equalities. MuJoCo leaves (dJ/dt) qvel out of contacts, and a stiff
@@ -30,8 +30,9 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
     corrects both in `mjcb_control` (:mod:`.reference_acceleration`); points then give way by some 1e-9 m at 1e-3 s.
 
     The stock preset leaves every limit in the model for the whole run, as a newcomer would, whatever the law: it
-    keeps to release-once only while no stop is met again. It calls a stop released at the end of the first step
-    after which its limit carries no torque.
+    keeps to release-once only while no stop is met again, and an impact is that of a stiff, damped spring, spread
+    over some steps. It gives back some of the speed where e = 0; a stop with another restitution is refused. It
+    calls a stop released at the end of the first step after which its limit carries no torque.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -47,8 +48,7 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
         stop_laws=frozenset(StopLaw),
         formulation="minimal relative joints, stops and loops as soft limits, contacts and equalities "
         "(convex optimisation), RK4; "
-        "releases located inside a step (stock: at its end, and limits never removed)",
-        restitution=False,
+        "releases and impacts located inside a step (stock: releases at its end, limits never removed, impacts soft)",
     )
     # The documentation sends those who want energy conserved to RK4; the rest are its defaults.
     stock_options: ClassVar[Mapping[str, object]] = {
@@ -62,9 +62,14 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
         "keep_limits": True,
     }
 
+    @property
+    def resolves_impacts(self) -> bool:
+        """Whether stops that are met are not left to the springs that MuJoCo's limits are."""
+        return not self.keep_limits
+
     def _run(self, problem: Problem) -> Recording:
         # Imported here so that the class, its options and its documentation need no MuJoCo.
-        from .step import run
+        from .run import run
 
         units = units_of(problem.mechanism)
         if units == SI:

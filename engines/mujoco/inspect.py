@@ -39,7 +39,7 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: MujocoOption
 
     Raises:
         SimulationError: MuJoCo refuses the model.
-        UnsupportedProblemError: the mechanism cannot be written as MJCF, or a closed stop's gap changes at the start.
+        UnsupportedProblemError: the mechanism cannot be written as MJCF.
     """
     built = _Built(mechanism, _at_rest(mechanism, options))
     start, start_speeds = built.start()

@@ -54,7 +54,9 @@ class MujocoOptions(EngineOptions):
         "leaves out of contacts, and the same feedback through all stages of a step",
     )
     keep_limits: bool = Field(
-        default=False, description="leave released and open limits in the model even under the release-once law"
+        default=False,
+        description="leave released and open limits in the model, also under the release-once law; stops are then met "
+        "as the springs that MuJoCo's limits are",
     )
 
     def in_time_unit(self, unit: float) -> Self:

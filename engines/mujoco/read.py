@@ -21,6 +21,7 @@ from ...models.mjcf.writer import (
     velocity_sensor,
 )
 from ...models.trajectory import PointMotion
+from ..contact_events import ContactEvents
 from ..protocol import Recording
 from .constraints import UnilateralConstraint
 
@@ -29,10 +30,8 @@ IN_PLANE = [0, 2]  # MuJoCo's x and z are our x and y
 
 @dataclass
 class Samples:
-    """Times, states (MuJoCo's layout: time, qpos, qvel, ...), sensors and events of a run."""
+    """Times, states (MuJoCo's layout: time, qpos, qvel, ...) and sensors of a run."""
 
-    releases: dict[str, float | None]
-    """When each stop released [s]."""
     steps: int = 0
     """Steps of MuJoCo, repeated ones included."""
     times: list[FloatArray] = field(default_factory=list[FloatArray])
@@ -44,6 +43,18 @@ class Samples:
         self.times.append(times)
         self.states.append(states)
         self.sensors.append(sensors)
+
+    def drop_last(self) -> None:
+        """Remove the last sample."""
+        while not len(self.times[-1]):
+            self._cut(None)
+        self._cut(-1)
+
+    def _cut(self, end: int | None) -> None:
+        for parts in (self.times, self.states, self.sensors):
+            last = parts.pop()
+            if end is not None:
+                parts.append(last[:end])
 
 
 @dataclass(frozen=True)
@@ -91,9 +102,13 @@ class _Reader:
 
 
 def recording(
-    mechanism: Mechanism, model: Any, constraints: Mapping[str, UnilateralConstraint], samples: Samples
+    mechanism: Mechanism,
+    model: Any,
+    constraints: Mapping[str, UnilateralConstraint],
+    samples: Samples,
+    events: ContactEvents,
 ) -> Recording:
-    """The samples as the engines' common record."""
+    """The samples and events as the engines' common record."""
     states = np.concatenate(samples.states)
     n_q, n_v = int(model.nq), int(model.nv)
     positions, speeds = states[:, 1 : 1 + n_q], states[:, 1 + n_q : 1 + n_q + n_v]
@@ -108,8 +123,9 @@ def recording(
         kinetic_energy=reader.sensor(KINETIC_ENERGY)[:, 0],
         potential_energy=reader.sensor(POTENTIAL_ENERGY)[:, 0],
         stop_torques={name: reader.torque(name, constraint) for name, constraint in constraints.items()},
-        release_times=samples.releases,
+        release_times=events.releases,
         joint_reactions=reader.reactions(q),
+        impacts=tuple(events.impacts),
         steps=samples.steps,
     )
 

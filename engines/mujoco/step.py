@@ -1,65 +1,38 @@
-"""Stepping: MuJoCo's own loop between releases, a bisection of the step in which one is."""
+"""Stepping: MuJoCo's own loop between events, a bisection of the step in which a stop releases."""
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Generator
-from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.errors import SimulationError
 from ...models.mjcf.writer import torque_sensor
-from ...models.problem import Problem, StopLaw
+from ...models.problem import Problem
+from ..contact_events import ContactEvents
 from ..protocol import Recording
 from .build import correction_of, load, preload, start_data
 from .constraints import slot_contacts, stop_constraints
 from .options import MujocoOptions
 from .read import Samples, recording
-from .reference_acceleration import CALLBACK, mujoco
+from .reference_acceleration import mujoco
 
 _rollout: Any = importlib.import_module("mujoco.rollout")
 
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 _CHUNK = 256  # steps between checks of the torques; at most these are repeated at a release
 _HALVINGS = 45  # of the step in which a release is: to 3e-14 of it
-_ROUNDING = 1e-15  # times closer than this (relatively) are one time
+ROUNDING = 1e-15  # times closer than this (relatively) are one time
 
 
-def run(problem: Problem, options: MujocoOptions) -> Recording:
-    """Simulate a problem.
+class Stepper:
+    """Steps the model through a problem and records it; a stop that has released stays as it is.
 
     Raises:
-        SimulationError: MuJoCo refused the model, or warned that it diverged.
-        UnsupportedProblemError: the mechanism cannot be built, or starts with a closed stop whose gap changes.
+        SimulationError: MuJoCo refuses the model.
+        UnsupportedProblemError: the mechanism cannot be written as MJCF.
     """
-    stepper = _Stepper(problem, options)
-    with _warnings_raised():
-        stepper.begin()
-        with stepper.correction.applied():
-            stepper.integrate()
-    return recording(problem.mechanism, stepper.model, stepper.constraints, stepper.samples)
-
-
-@contextmanager
-def _warnings_raised() -> Generator[None]:
-    """Turn MuJoCo's warnings into an error; otherwise it fills the missing states and writes a log file."""
-    messages: list[str] = []
-    with CALLBACK:  # MuJoCo has one handler of warnings for all threads of a process, as it has one callback
-        before = mujoco.get_mju_user_warning()
-        mujoco.set_mju_user_warning(messages.append)
-        try:
-            yield
-        finally:
-            mujoco.set_mju_user_warning(before)
-    if messages:
-        raise SimulationError(f"MuJoCo gave up: {messages[0]}")
-
-
-class _Stepper:
-    """Steps the model through a problem and records it."""
 
     def __init__(self, problem: Problem, options: MujocoOptions) -> None:
         self.problem, self.options = problem, options
@@ -69,22 +42,33 @@ class _Stepper:
         self.correction = correction_of(problem.mechanism, self.model, options)
         self.columns = {name: int(self.model.sensor(torque_sensor(name)).adr[0]) for name in self.constraints}
         self.active = [stop.name for stop in problem.mechanism.stops if stop.closed]
-        self.removes = problem.stop_law is StopLaw.RELEASE_ONCE and not options.keep_limits
-        self.samples = Samples(dict.fromkeys(self.constraints))
+        self.events = ContactEvents(problem.mechanism, "mujoco")
+        self.samples = Samples()
         self.size = mujoco.mj_stateSize(self.model, _STATE)
+
+    def recording(self) -> Recording:
+        """What was recorded of the motion."""
+        return recording(self.problem.mechanism, self.model, self.constraints, self.samples, self.events)
 
     def begin(self) -> None:
         """Find which stops push, and record the start."""
-        if self.removes:
+        if not self.options.keep_limits:
             for name in self.constraints.keys() - set(self.active):
                 self.constraints[name].remove(self.model)
+        self._start()
+        self._record(0.0)
+
+    def _start(self) -> None:
+        self._release_those_that_pull(0.0)
+
+    def _release_those_that_pull(self, t: float) -> None:
+        """Of the active stops, release those that do not push at a time [s], and preload the others."""
         with self.correction.applied():
             self.correction.forward(self.data)
-            self._release(self._inactive(), 0.0)
+            self._release(self._inactive(), t)
         if self.options.preload:
             active = [self.constraints[name] for name in self.active]
             preload(self.model, self.data, active + slot_contacts(self.problem.mechanism, self.model), self.correction)
-        self._record(0.0)
 
     def integrate(self) -> None:
         """Step to the end of the problem."""
@@ -93,33 +77,33 @@ class _Stepper:
         while k < n:
             k = self._advance(k, min(_CHUNK, n - k))
         if self._times(n) < duration:
-            self._step_through_releases(float(self._times(n)), duration)
+            self._step_through_events(float(self._times(n)), duration)
 
     def _whole_steps(self) -> int:
         """Number of whole time steps in the problem's duration, but for rounding."""
         steps = self.problem.duration / self.options.timestep
-        return round(steps) if abs(steps - round(steps)) < _ROUNDING * steps else int(steps)
+        return round(steps) if abs(steps - round(steps)) < ROUNDING * steps else int(steps)
 
     def _times(self, k: Any) -> FloatArray:
         """Times after k time steps [s]; the last one is exactly the problem's end."""
         times = self.options.timestep * np.asarray(k)
         duration = self.problem.duration
-        return np.where(np.abs(times - duration) < _ROUNDING * duration, duration, times)
+        return np.where(np.abs(times - duration) < ROUNDING * duration, duration, times)
 
     def _substeps(self) -> int:
         """Steps of MuJoCo per time step, now."""
         return 1 if self.active else self.options.free_substeps
 
     def _advance(self, k: int, n: int) -> int:
-        """Take n time steps from step k, or up to and including the first with a release; return the step reached."""
+        """Take n time steps from step k, or up to and including the first with an event; return the step reached."""
         before = self._state()
         states, sensed = self._rolled_out(before, n)
-        clear = self._steps_before_a_release(sensed)
+        clear = self._steps_before_an_event(np.concatenate([before[None], states]), sensed)
         self.samples.add(self._times(np.arange(k + 1, k + clear + 1)), states[:clear], sensed[:clear])
         if clear == n:
             return k + n
         self._restore(states[clear - 1] if clear else before)
-        self._step_through_releases(*map(float, self._times([k + clear, k + clear + 1])))
+        self._step_through_events(*map(float, self._times([k + clear, k + clear + 1])))
         return k + clear + 1
 
     def _rolled_out(self, before: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
@@ -135,26 +119,34 @@ class _Stepper:
         after = np.concatenate([sensed[0, 1:], self.data.sensordata[None]])
         return states[0, substeps - 1 :: substeps], after[substeps - 1 :: substeps]
 
-    def _steps_before_a_release(self, sensed: FloatArray) -> int:
+    def _steps_before_an_event(self, states: FloatArray, sensed: FloatArray) -> int:
+        """Of n time steps, the number before the first with an event; shapes (n + 1, n_state), (n, n_sensor)."""
         columns = [self.columns[name] for name in self.active]
         inactive = (sensed[:, columns] == 0).any(axis=1)
         return int(np.argmax(inactive)) if inactive.any() else len(sensed)
 
-    def _step_through_releases(self, start: float, end: float) -> None:
-        """Step from one time to another [s], halting at every release between them."""
+    def _step_through_events(self, start: float, end: float) -> None:
+        """Step from one time to another [s], halting at every event between them."""
         while start < end:
-            before, reached = self._state(), end
-            self._step(before, end - start)
-            inactive = self._inactive()
-            if inactive and self.options.locate_releases:
-                part, inactive = self._locate(before, end - start, inactive)
-                reached = start + part
-                # What remains to the end, or was stepped since the start, may be no more than rounding.
-                reached = end if end - reached < _ROUNDING * end else reached
-            self._release(inactive, reached)
-            if reached - start > _ROUNDING * end:
-                self._record(reached)
-            start = reached
+            start = self._step_to_event(start, end)
+
+    def _step_to_event(self, start: float, end: float) -> float:
+        """Step to the next event, or from one time to another [s]; return the time reached."""
+        before = self._state()
+        self._step(before, end - start)
+        return self._after_release(before, start, end)
+
+    def _after_release(self, before: FloatArray, start: float, end: float) -> float:
+        """Halt at the first release in the step just taken from a state, if there is one; return the time reached."""
+        inactive, reached = self._inactive(), end
+        if inactive and self.options.locate_releases:
+            part, inactive = self._locate(before, end - start, inactive)
+            # What remains to the end, or was stepped since the start, may be no more than rounding.
+            reached = end if end - (start + part) < ROUNDING * end else start + part
+        self._release(inactive, reached)
+        if reached - start > ROUNDING * end:
+            self._record(reached)
+        return reached
 
     def _locate(self, before: FloatArray, step: float, inactive: list[str]) -> tuple[float, list[str]]:
         """The shortest part of a step [s] after which stops carry no torque, and these; the data are left there."""
@@ -186,10 +178,10 @@ class _Stepper:
     def _release(self, inactive: list[str], t: float) -> None:
         """Release stops, and those that become inactive by their release."""
         while inactive:
+            self.events.release(inactive, t)
             for name in inactive:
-                self.samples.releases[name] = t
                 self.active.remove(name)
-                if self.removes:
+                if not self.options.keep_limits:
                     self.constraints[name].remove(self.model)
             self.correction.forward(self.data)
             inactive = self._inactive()
