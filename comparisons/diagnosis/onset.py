@@ -14,10 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.arrays import FloatArray
+from ...models.launch import LAUNCH_ANGLE
 from ...models.problem import Problem
 from ...reference.solution import Solution
 from ...reference.solver import solve
-from ..runs.metrics import Comparison
+from ..runs.metrics import THROWN, Comparison, impact_times
 from ..runs.results import Metric
 
 _COARSE = 1e-9  # tolerance of the coarser integration: its error is far above the finer one's
@@ -58,26 +59,51 @@ def _time(c: Comparison, metric: Metric) -> float | None:
             c.trajectory.release_times.get(metric.subject or ""),
         )
         return min((t for t in times if t is not None), default=None)
+    if metric.name == "impact_time":
+        stop = metric.subject or ""
+        return min((*impact_times(c.solution, stop), *impact_times(c.trajectory, stop)), default=None)
     if metric.name in ("launch_time", "launch_speed"):
-        return c.solution.launch.time if c.solution.launch else None
+        launch = c.solution.launch_at(LAUNCH_ANGLE, metric.subject or THROWN)
+        return launch.time if launch else None
     series = next(_series(c, metric), None)
     if series is None or metric.tolerance is None:
         return None
-    allowed = metric.tolerance * (growth(c.solution, c.t) if metric.name == "position_max" else 1.0)
-    beyond = np.flatnonzero(~(series <= allowed))
+    allowed = metric.tolerance * (growth(c.solution, c.t) if metric.name in _GROWING else 1.0)
+    beyond = np.flatnonzero(~(series <= allowed) & c.smooth)
     return float(c.t[beyond[0]]) if len(beyond) else None
+
+
+_GROWING = {"position_max", "velocity_max", "angle_max", "angular_speed_max", "slide_max", "slide_speed_max"}
+"""Errors that the motion carries on."""
 
 
 def _series(c: Comparison, metric: Metric) -> Iterator[FloatArray]:
     """The quantity along the motion, shape (n,); nothing for one that is no maximum over time."""
-    name = metric.subject or ""
+    own, expected, name = c.trajectory, c.reference, metric.subject or ""
     if metric.name == "position_max":
-        yield c.distance(c.trajectory.marker(name).position, c.reference.marker(name).position)
+        yield c.distance(own.marker(name).position, expected.marker(name).position)
+    elif metric.name == "velocity_max":
+        yield c.distance(own.marker(name).velocity, expected.marker(name).velocity)
+    elif metric.name in _COORDINATES:
+        i = own.mechanism.coordinates.index(name)
+        of = _COORDINATES[metric.name]
+        yield c.distance(getattr(own, of)[:, i], getattr(expected, of)[:, i])
     elif metric.name == "stop_torque_max":
-        yield c.distance(c.trajectory.stop_torque(name), c.reference.stop_torque(name))
-    elif metric.name == "energy_drift":
-        start = float(c.reference.total_energy[0])
-        yield np.abs(c.trajectory.total_energy[c.keep] - start) / abs(start)
+        yield c.distance(own.stop_torque(name), expected.stop_torque(name))
+    elif metric.name == "joint_reaction_max":
+        yield c.distance(own.joint_reaction(name), expected.joint_reaction(name))
+    elif metric.name in _ENERGIES:
+        of = _ENERGIES[metric.name]
+        yield c.distance(getattr(own, of), getattr(expected, of))
+
+
+_COORDINATES = {"angle_max": "q", "slide_max": "q", "angular_speed_max": "u", "slide_speed_max": "u"}
+_ENERGIES = {
+    "kinetic_energy_max": "kinetic_energy",
+    "potential_energy_max": "potential_energy",
+    "energy_balance": "total_energy",
+}
+"""Field of a trajectory by metric."""
 
 
 def growth(solution: Solution, t: FloatArray) -> FloatArray:

@@ -197,7 +197,7 @@ def _format_time(time: float | None) -> str:
     return "no time before the end" if time is None else f"{time:.9g} s"
 
 
-def _impact_times(motion: Trajectory | Solution, stop: str) -> list[float]:
+def impact_times(motion: Trajectory | Solution, stop: str) -> list[float]:
     """Impacts in which a stop pushes [s]."""
     return [time for time, impulses in motion.impacts if impulses.get(stop, 0.0) > 0]
 
@@ -205,7 +205,7 @@ def _impact_times(motion: Trajectory | Solution, stop: str) -> list[float]:
 def _impact_windows(c: Comparison) -> Iterator[tuple[float, float]]:
     """First and last instant of each impact of either; both of an impact that both have."""
     for stop in c.trajectory.mechanism.stops:
-        times, expected = _impact_times(c.trajectory, stop.name), _impact_times(c.solution, stop.name)
+        times, expected = impact_times(c.trajectory, stop.name), impact_times(c.solution, stop.name)
         paired = min(len(times), len(expected))
         yield from ((min(pair), max(pair)) for pair in zip(times, expected, strict=False))
         yield from ((time, time) for time in [*times[paired:], *expected[paired:]])
@@ -214,7 +214,7 @@ def _impact_windows(c: Comparison) -> Iterator[tuple[float, float]]:
 def _impacts(c: Comparison) -> Iterator[Metric]:
     """The worst of a stop's first impacts; a resolved impact that only one of the two has is a disagreement."""
     for stop in c.trajectory.mechanism.stops:
-        times, expected = _impact_times(c.trajectory, stop.name), _impact_times(c.solution, stop.name)
+        times, expected = impact_times(c.trajectory, stop.name), impact_times(c.solution, stop.name)
         if not _either_within(c, *times, *expected):
             continue
         if not c.trajectory.impacts:
