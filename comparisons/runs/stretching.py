@@ -2,12 +2,14 @@
 
 A numerical error is a small disturbance of the equations, made in every step and carried on by the motion. So is a
 small change of a body's moment of inertia, and its effect can be computed for any mechanism, with stops and loops. The
-motion of the changed mechanism minus that of the unchanged one, in parts of the size or in radians, whichever is more,
+motion of the changed mechanism minus that of the unchanged one, each quantity in parts of its scale, the largest of all
 and per part of the change, is the stretching. Where it is large any two integrators differ, and no tolerance means
 anything.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +20,16 @@ from ...models.mechanism import Body, Mechanism
 from ...models.problem import Problem
 from ...reference.solution import Solution
 from ...reference.solver import solve
-from .scales import extent, size
+from .scales import Scales, extent, scales_until
 
 LIMIT = 100.0
-"""Where a hundred-thousandth of a body's inertia, less than any is known to, moves the mechanism by the default
-tolerance of a thousandth of its size or of a radian, nothing is judged any more but invariants."""
+"""Where a hundred-thousandth of a body's inertia, less than any is known to, moves something by the default
+tolerance of a thousandth of its scale, nothing is judged any more but invariants."""
 _CHANGE = 1e-6
 """Of mass times length squared of one body."""
 _TOLERANCE = 1e-9  # of the integrations: a thousandth of what the change moves
 _SAMPLES = 400
+_NEAR = 0.1  # of the interval of the samples
 
 
 def stretching(solution: Solution, end: float) -> tuple[FloatArray, FloatArray]:
@@ -37,22 +40,32 @@ def stretching(solution: Solution, end: float) -> tuple[FloatArray, FloatArray]:
         end: of the compared motion [s].
 
     Returns:
-        Times [s] and the stretching up to each of them, in parts of the size per part of inertia; shapes (n,). It is
+        Times [s] and the stretching up to each of them, in parts of scales per part of inertia; shapes (n,). It is
         infinite from where the changed mechanism could not be moved.
     """
-    t = np.linspace(0.0, end, _SAMPLES)
+    t = _away_from_impacts(solution, np.linspace(0.0, end, _SAMPLES))
     problem = solution.problem
-    motion = _motion(solve(_problem(problem, problem.mechanism, end), _TOLERANCE, _TOLERANCE), t)
+    scales = scales_until(solution, end)
+    motion = _motion(solve(_problem(problem, problem.mechanism, end), _TOLERANCE, _TOLERANCE), t, scales)
     largest = np.zeros(len(t))
     for body in problem.mechanism.bodies:
         changed = _with_more_inertia(problem.mechanism, body)
         try:
-            moved = _motion(solve(_problem(problem, changed, end), _TOLERANCE, _TOLERANCE), t)
+            moved = _motion(solve(_problem(problem, changed, end), _TOLERANCE, _TOLERANCE), t, scales)
         except TrebucheckError:
             moved = np.full_like(motion, np.inf)
         distance = np.abs(moved - motion).max(axis=0) / _CHANGE
         largest = np.maximum(largest, distance)
     return t, np.maximum.accumulate(largest)
+
+
+def _away_from_impacts(solution: Solution, t: FloatArray) -> FloatArray:
+    """The times without those at which a slightly earlier or later impact would jump; the ends stay."""
+    near = np.zeros(len(t), dtype=bool)
+    for impact, _ in solution.impacts:
+        near |= np.abs(t - impact) < _NEAR * (t[1] - t[0])
+    near[[0, -1]] = False
+    return t[~near]
 
 
 def stretching_at(solution: Solution, end: float) -> float:
@@ -75,9 +88,18 @@ def _with_more_inertia(mechanism: Mechanism, body: Body) -> Mechanism:
     return mechanism.model_copy(update={"bodies": bodies})
 
 
-def _motion(solution: Solution, t: FloatArray) -> NDArray[np.complex128]:
-    """Centres of the bodies in parts of the size, as complex numbers, and angles [rad]; shape (n_quantities, n)."""
-    mechanism, kinematics, q = solution.problem.mechanism, solution.equations.kinematics, solution.motion(t).q
-    centres = [kinematics.position(kinematics.point(body.name, body.centre), q) for body in mechanism.bodies]
-    places = [(centre[:, 0] + 1j * centre[:, 1]) / size(mechanism) for centre in centres]
-    return np.array([*places, *q[:, : len(mechanism.bodies)].T])
+def _motion(solution: Solution, t: FloatArray, scales: Scales) -> NDArray[np.complex128]:
+    """Everything judged along the motion in parts of its scale, plane vectors as complex numbers; shape (n_rows, n)."""
+    mechanism, kinematics, motion = solution.problem.mechanism, solution.equations.kinematics, solution.motion(t)
+    rows: list[NDArray[Any]] = []
+    for i, body in enumerate(mechanism.bodies):
+        centre = kinematics.point(body.name, body.centre)
+        rows.append(_plane(kinematics.position(centre, motion.q)) / scales.length)
+        rows.append(_plane(kinematics.velocity(centre, motion.q, motion.u)) / scales.speed)
+        rows += [motion.q[:, i] / scales.angle, motion.u[:, i] / scales.angular_speed]
+    rows += [_plane(force) / scales.force for force in solution.joint_reactions(motion).values()]
+    return np.array(rows, dtype=np.complex128)
+
+
+def _plane(vectors: FloatArray) -> NDArray[np.complex128]:
+    return vectors[:, 0] + 1j * vectors[:, 1]
