@@ -377,6 +377,7 @@ def machine_row(runner: Runner, needs: Needs) -> Machine:
         judged_to=runner.judged_to,
         stretching=runner.stretching,
         scales=runner.scales,
+        whole_scales=runner.whole_scales,
         needs=needs.texts,
         thrown=runner.until.thrown,
         launch_time=launch.time if launch else None,

@@ -28,6 +28,8 @@ class Quantity:
     """Field of :class:`Scales`; 'stop' for that of the stop it is about, 'gap' for its gap's, '' for none."""
     follows: str | None = None
     """Metric from which it follows, and which is judged in its place."""
+    invariant: bool = False
+    """It is judged beyond the predictability horizon."""
     event: bool = False
     """It is the time of an event."""
     of: str = ""
@@ -77,14 +79,14 @@ _ALL = (
     Quantity("joint_reaction_relative", "reaction (relative)", "", follows="joint_reaction_max"),
     Quantity("kinetic_energy_max", "kinetic-energy", "energy"),
     Quantity("potential_energy_max", "potential-energy", "energy"),
-    Quantity("energy_balance", "energy", "energy"),
+    Quantity("energy_balance", "energy", "energy", invariant=True),
     Quantity("energy_drift", "energy (of the start's)", "", follows="energy_balance"),
     Quantity("energy_drift_kinetic", "energy (of the kinetic)", "", follows="energy_balance"),
-    Quantity("horizontal_momentum", "momentum", "momentum"),
+    Quantity("horizontal_momentum", "momentum", "momentum", invariant=True),
     Quantity("stop_gap_held", "stop-gap", "gap", of="closed stop"),
     Quantity("stop_penetration", "penetration", "gap", of="stop"),
     Quantity("complementarity", "complementarity", "gap", follows="stop_penetration"),
-    Quantity("joint_gap_max", "joint-gap", "length", of="joint"),
+    Quantity("joint_gap_max", "joint-gap", "length", invariant=True, of="joint"),
     Quantity("missing_time", "duration", "time"),
 )
 

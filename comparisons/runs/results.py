@@ -223,6 +223,9 @@ class Machine(Spec):
     judged_to: Real = Field(description="the end, or the predictability horizon if that is earlier [s]")
     stretching: Real = Field(description="relative displacement of the motion up to there per change of inertia")
     scales: Scales
+    whole_scales: Scales | None = Field(
+        default=None, description="of the motion to the end, where invariants are judged beyond the horizon"
+    )
     needs: dict[str, str] = Field(default_factory=dict, description="the user's tolerances, as they were stated")
     thrown: str = Field(description="marker whose launch is measured")
     launch_time: Real | None

@@ -282,7 +282,7 @@ class Runner:
 
     @cached_property
     def _stretching(self) -> tuple[FloatArray, FloatArray]:
-        return self.worker.compute(partial(stretching, self.solution, self.end))
+        return self.worker.compute(partial(stretching, self.solution, self.end, self._scales_to_end))
 
     @cached_property
     def judged_to(self) -> float:
@@ -296,9 +296,19 @@ class Runner:
         return float(stretched[t <= self.judged_to].max())
 
     @cached_property
+    def _scales_to_end(self) -> Scales:
+        return scales_until(self.solution, self.end)
+
+    @cached_property
     def scales(self) -> Scales:
         """Of the motion up to there."""
-        return scales_until(self.solution, self.judged_to)
+        same = self.judged_to == self.end
+        return self._scales_to_end if same else scales_until(self.solution, self.judged_to)
+
+    @cached_property
+    def whole_scales(self) -> Scales | None:
+        """Of the motion to its end; None where that is the same."""
+        return None if self.judged_to == self.end else self._scales_to_end
 
     def measured(self, trajectory: Trajectory) -> tuple[Metric, ...]:
         """Every metric of an engine's run, up to the predictability horizon; invariants up to the end."""

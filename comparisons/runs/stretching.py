@@ -32,12 +32,13 @@ _SAMPLES = 400
 _NEAR = 0.1  # of the interval of the samples
 
 
-def stretching(solution: Solution, end: float) -> tuple[FloatArray, FloatArray]:
+def stretching(solution: Solution, end: float, scales: Scales) -> tuple[FloatArray, FloatArray]:
     """Largest of all bodies' changes so far, over time.
 
     Args:
         solution: of the reference.
         end: of the compared motion [s].
+        scales: of the motion up to there.
 
     Returns:
         Times [s] and the stretching up to each of them, in parts of scales per part of inertia; shapes (n,). It is
@@ -45,7 +46,6 @@ def stretching(solution: Solution, end: float) -> tuple[FloatArray, FloatArray]:
     """
     t = _away_from_impacts(solution, np.linspace(0.0, end, _SAMPLES))
     problem = solution.problem
-    scales = scales_until(solution, end)
     motion = _motion(solve(_problem(problem, problem.mechanism, end), _TOLERANCE, _TOLERANCE), t, scales)
     largest = np.zeros(len(t))
     for body in problem.mechanism.bodies:
@@ -70,7 +70,7 @@ def _away_from_impacts(solution: Solution, t: FloatArray) -> FloatArray:
 
 def stretching_at(solution: Solution, end: float) -> float:
     """The stretching up to `end` [s]."""
-    return float(stretching(solution, end)[1][-1])
+    return float(stretching(solution, end, scales_until(solution, end))[1][-1])
 
 
 def predictable_until(t: FloatArray, stretched: FloatArray) -> float:

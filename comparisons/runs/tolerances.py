@@ -231,8 +231,7 @@ def _judged(metric: Metric, run: Run, machine: Machine, needs: Needs) -> Metric:
     applied = _applied(metric, quantity, run, machine, needs)
     known = machine.reference_uncertainty
     uncertainty = known.get(f"{metric.name} ({metric.subject})", known.get(metric.name))
-    most = DEFAULT * quantity.scale_of(machine.scales, metric.subject, machine.mechanism)
-    applied = _vouched(applied, uncertainty, most)
+    applied = _vouched(applied, uncertainty, DEFAULT * _scale(metric, quantity, machine))
     refused = refusal(metric.name, metric.subject, applied.value, uncertainty)
     if refused is not None and not _surely_broken(metric, applied.value, uncertainty, most / DEFAULT):
         return metric.model_copy(update={"note": refused})
@@ -257,8 +256,7 @@ def _vouched(applied: AppliedTolerance, uncertainty: float | None, most: float) 
 
 
 def _applied(metric: Metric, quantity: Quantity, run: Run, machine: Machine, needs: Needs) -> AppliedTolerance:
-    scale = quantity.scale_of(machine.scales, metric.subject, machine.mechanism)
-    need = needs.need(metric)
+    scale, need = _scale(metric, quantity, machine), needs.need(metric)
     if need is not None:
         return AppliedTolerance(need.value * (scale if need.relative else 1.0), "need", f"{need.text} was asked for")
     default = _default(metric, quantity, scale, run, needs.default)
@@ -269,6 +267,12 @@ def _applied(metric: Metric, quantity: Quantity, run: Run, machine: Machine, nee
         reason = f"{default.reason}; the engine's claim is looser: {claim.reason}"
         return AppliedTolerance(default.value, "default", reason)
     return claim
+
+
+def _scale(metric: Metric, quantity: Quantity, machine: Machine) -> float:
+    """What the metric is measured in parts of; an invariant by the whole motion."""
+    whole = machine.whole_scales if quantity.invariant else None
+    return quantity.scale_of(whole or machine.scales, metric.subject, machine.mechanism)
 
 
 def _default(metric: Metric, quantity: Quantity, scale: float, run: Run, asked: Need | None) -> AppliedTolerance:
@@ -287,9 +291,12 @@ def _step(run: Run) -> float | None:
 
 
 def _claim(metric: Metric, quantity: Quantity, scale: float, run: Run, machine: Machine) -> AppliedTolerance | None:
-    """The engine's own, carried from Table I to this machine; claims are stated for motions without impacts."""
+    """The engine's own, carried from Table I to this machine.
+
+    Claims are stated for motions without impacts, and up to the predictability horizon.
+    """
     of, step = (run.engine, run.preset, metric.name, metric.subject, machine.mechanism), _step(run)
-    if machine.impacts:
+    if machine.impacts or (quantity.invariant and machine.whole_scales is not None):
         return None
     scales, usual, mechanism = _table_one()
     if machine.table_one and (machine.stretching <= usual or _to_the_launch(machine)):

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+
 import numpy as np
 
+from ...models.launch import LAUNCH_ANGLE, Launch
 from ...models.problem import Problem
 from ...reference.certification.certificate import Uncertainties, certified, load_certificate
 from ...reference.solution import Solution
@@ -56,11 +59,27 @@ def _estimated(
         scales=scales, thrown=thrown, invariants_to=invariants_to,
     )  # fmt: skip
     values: dict[str, float] = {}
-    for metric in (each for each in metrics if each.name != "missing_time"):
+    for metric in _without_sampling(metrics, coarse.launch_at(LAUNCH_ANGLE, thrown), solution, thrown):
         value = _SAFETY * _distance(metric, scales, solution) + _rounding(metric, scales, solution)
         values[metric.label] = value
         values[metric.name] = max(values.get(metric.name, 0.0), value)
     return values
+
+
+def _without_sampling(
+    metrics: Iterable[Metric], launch: Launch | None, solution: Solution, thrown: str
+) -> Iterator[Metric]:
+    """The metrics with what a solution tells by itself, and a trajectory by its samples: its launch."""
+    expected = solution.launch_at(LAUNCH_ANGLE, thrown)
+    both = launch is not None and expected is not None
+    located = (
+        {"launch_time": launch.time - expected.time, "launch_speed": launch.speed - expected.speed} if both else {}
+    )
+    for metric in metrics:
+        if metric.name in ("launch_time", "launch_speed"):
+            yield metric.model_copy(update={"value": located.get(metric.name)})
+        elif metric.name != "missing_time":
+            yield metric
 
 
 def _distance(metric: Metric, scales: Scales, solution: Solution) -> float:
