@@ -231,9 +231,10 @@ def _judged(metric: Metric, run: Run, machine: Machine, needs: Needs) -> Metric:
     applied = _applied(metric, quantity, run, machine, needs)
     known = machine.reference_uncertainty
     uncertainty = known.get(f"{metric.name} ({metric.subject})", known.get(metric.name))
-    applied = _vouched(applied, uncertainty, DEFAULT * _scale(metric, quantity, machine))
+    scale = _scale(metric, quantity, machine)
+    applied = _vouched(applied, uncertainty, DEFAULT * scale)
     refused = refusal(metric.name, metric.subject, applied.value, uncertainty)
-    if refused is not None and not _surely_broken(metric, applied.value, uncertainty, most / DEFAULT):
+    if refused is not None and not _surely_broken(metric, applied.value, uncertainty, scale):
         return metric.model_copy(update={"note": refused})
     return metric.model_copy(update={"tolerance": applied.value, "source": applied.source, "reason": applied.reason})
 

@@ -71,10 +71,9 @@ def _without_sampling(
 ) -> Iterator[Metric]:
     """The metrics with what a solution tells by itself, and a trajectory by its samples: its launch."""
     expected = solution.launch_at(LAUNCH_ANGLE, thrown)
-    both = launch is not None and expected is not None
-    located = (
-        {"launch_time": launch.time - expected.time, "launch_speed": launch.speed - expected.speed} if both else {}
-    )
+    located: dict[str, float] = {}
+    if launch is not None and expected is not None:
+        located = {"launch_time": launch.time - expected.time, "launch_speed": launch.speed - expected.speed}
     for metric in metrics:
         if metric.name in ("launch_time", "launch_speed"):
             yield metric.model_copy(update={"value": located.get(metric.name)})
