@@ -307,8 +307,8 @@ def test_releases_of_both_after_the_end_are_none() -> None:
 
     assert "release_time (rest)" not in found(1.6, 1.7)
     assert "release_time (rest)" not in found(1.6, None)
-    assert "release_time (rest)" not in found(None, END * (1 + 1e-8))
-    assert found(None, END * (1 + 1e-10))["release_time (rest)"].value is None
+    assert "release_time (rest)" not in found(None, END * (1 + 1.1e-9))
+    assert found(None, END * (1 + 0.9e-9))["release_time (rest)"].value is None
     assert found(END, 1.6)["release_time (rest)"].value == pytest.approx(-0.1)
 
 

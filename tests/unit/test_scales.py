@@ -197,8 +197,8 @@ def test_a_free_rotation_is_stretched_by_what_slows_it_down() -> None:
 
 def test_a_small_swing_is_stretched_as_its_period_is() -> None:
     """A point mass on l swings with w = sqrt(g / l); an inertia of e m l^2 more makes that w / sqrt(1 + e)."""
-    a, length, end = 1e-3, 2.0, 2.0
-    bob = mechanisms.hanging_bob(start=math.pi / 2 - a)
+    a, length, end = 1e-3, 3.0, 2.0
+    bob = mechanisms.hanging_bob(start=math.pi / 2 - a, length=length, markers=())
     t, stretched = stretching(solve(tb.Problem(bob, duration=3.0)), end)
     w = math.sqrt(9.81 / length)
     expected = np.maximum.accumulate(np.abs(a * w * t / 2 * np.sin(w * t)))  # in parts of l
@@ -240,14 +240,14 @@ def test_ends_are_read(given: Any, expected: Until) -> None:
 
 
 @pytest.mark.parametrize(
-    "given", ["launch:", "launch: ", "release", "release:", "release: ", "start", "", "1,5", "x" * 99]
+    "given", ["launch:", "launch: ", "release", "release:", "release: ", "start", "", "1,5", "x" * 60, "x" * 61]
 )
 def test_ends_of_no_form_are_refused(given: str) -> None:
-    with pytest.raises(
-        tb.InputError, match="must be 'launch', 'launch:MARKER', 'release:STOP', or a time in seconds"
-    ) as e:
+    shown = given if len(given) <= 60 else "x" * 57 + "..."
+    form = "must be 'launch', 'launch:MARKER', 'release:STOP', or a time in seconds"
+    with pytest.raises(tb.InputError) as refused:
         Until.of(given)
-    assert len(str(e.value)) < 160
+    assert str(refused.value) == f"until = {shown!r} {form}."
 
 
 def test_the_marker_that_is_thrown() -> None:

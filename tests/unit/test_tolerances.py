@@ -16,6 +16,7 @@ from trebucheck.comparisons.compare.study import machine_row
 from trebucheck.comparisons.runs import tolerances as module
 from trebucheck.comparisons.runs import uncertainty
 from trebucheck.comparisons.runs.metrics import measure
+from trebucheck.comparisons.runs.quantities import QUANTITIES
 from trebucheck.comparisons.runs.results import Machine, Metric, Run
 from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.scales import Scales, scales_until
@@ -70,11 +71,15 @@ def test_a_need_is_in_the_quantitys_unit_or_in_parts_of_its_scale(given: Any, to
     assert (judged.source, judged.reason) == ("need", f"{str(given).strip()} was asked for")
 
 
-@pytest.mark.parametrize("given", [0, -1.0, "0%", "nan", "inf", "1e999", "%", "", "1 m", "0.1%%", True, "x" * 200])
+NO_NUMBERS = [0, -1.0, "0%", "nan", "inf", "1e999", "%", "", "1 m", "0.1%%", True, "x" * 60, "x" * 61]
+
+
+@pytest.mark.parametrize("given", NO_NUMBERS)
 def test_a_need_that_is_no_positive_number_is_refused(given: Any) -> None:
     with pytest.raises(tb.InputError, match=r"tolerance position = .* must be a positive number") as refused:
         Needs.of({"position": given})
-    assert len(str(refused.value)) < 170
+    shown = str(given) if len(str(given)) <= 60 else "x" * 57 + "..."
+    assert f"tolerance position = {shown!r} must" in str(refused.value)
 
 
 def test_a_need_of_one_subject_goes_before_that_of_all() -> None:
@@ -401,6 +406,23 @@ def test_an_estimate_is_four_times_the_distance_to_a_coarser_integration(
     reference_uncertainties(solution, 1.0, scales, "projectile", 1.3)
     reference_uncertainties(solution, 1.4, scales, "projectile")
     assert asked == [(pytest.approx(t), 1e-12, 1e-12) for t in (1.02, 1.3 * 1.02, 1.4)]
+
+
+def test_an_integration_that_agrees_leaves_sixty_four_roundings_of_the_scale(
+    bob: tuple[Any, Scales], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solution, scales = bob
+    monkeypatch.setattr(uncertainty, "solve", lambda *_: solution)
+    known = reference_uncertainties(solution, 1.0, scales, "projectile").values
+    mechanism, rounding = solution.problem.mechanism, 64 * float(np.finfo(float).eps)
+    for metric in measure(solution.trajectory(times(0.05, 1.0)), solution, 1.0):
+        quantity = QUANTITIES[metric.name]
+        scale = quantity.scale_of(scales, metric.subject, mechanism)
+        scale = scales.largest_energy if quantity.scale == "energy" else scale
+        if not metric.name.startswith(("missing_time", "energy_drift", "energy_balance")):
+            assert known[metric.label] == pytest.approx(rounding * scale, rel=1e-12), metric.label
+    assert known["energy_balance"] >= rounding * scales.largest_energy
+    assert "missing_time" not in known
 
 
 class _Shifted:

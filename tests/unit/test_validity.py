@@ -46,6 +46,11 @@ def test_a_valid_one_is_given_back(changes: dict[str, Any]) -> None:
     assert refuse_invalid("stranger", trajectory, trolley(), TOLD) is trajectory
 
 
+def test_two_times_are_enough() -> None:
+    short = Formula().trajectory(times(2.0))
+    assert len(short.t) == 2 and refuse_invalid("stranger", short, trolley(), TOLD) is short
+
+
 def test_reactions_may_be_missing_where_none_were_promised() -> None:
     untold = replace(TOLD, joint_reactions=False)
     blind = replace(OWN, joint_reactions={})
@@ -77,6 +82,7 @@ FAULTS: dict[str, tuple[dict[str, Any], str]] = {
     "unknown release": ({"release_times": {"rest": 1.0, "x": 1.0}}, "release_times has 'x'"),
     "missing release": ({"release_times": {}}, "release_times lacks 'rest'"),
     "unknown joint": ({"joint_reactions": {**OWN.joint_reactions, "x": HOOK.position}}, "joint_reactions has 'x'"),
+    "unknown names": ({"stop_torques": {"y": 0 * T, "x": 0 * T}}, "stop_torques has 'x'"),
     "unknown gap": ({"joint_gaps": {"x": 0 * T}}, "joint_gaps has 'x'"),
     "release is not a number": ({"release_times": {"rest": np.nan}}, "the release time of 'rest' is nan s"),
     "release before the start": ({"release_times": {"rest": -1e-3}}, "the release time of 'rest' is -0.001 s"),
@@ -92,7 +98,7 @@ FAULTS: dict[str, tuple[dict[str, Any], str]] = {
     "q is text": ({"q": OWN.q.astype(str)}, "q holds no real numbers"),
     "q is complex": ({"q": OWN.q + 1j}, "q holds no real numbers"),
     "q is not finite": ({"q": _at(OWN.q, 3, np.inf)}, "q is not finite at t = 1.5 s"),
-    "q is huge": ({"q": _at(OWN.q, 3, -1e101)}, "q reaches 1e+101, which is too large to compare"),
+    "q is huge": ({"q": _at(OWN.q, 3, -1.1e100)}, "q reaches 1.1e+100, which is too large to compare"),
     "position": (
         {"markers": {**OWN.markers, "hook": replace(HOOK, position=_at(HOOK.position, 1, np.nan))}},
         "position of 'hook' is not finite at t = 0.5 s",

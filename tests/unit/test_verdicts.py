@@ -85,7 +85,7 @@ def test_figures_of_a_run() -> None:
     run = _run(Outcome.DISAGREES, HELD, BROKEN, BARE, UNSEEN, FOLLOWS)
     assert (run.judged, run.broken, run.unjudged) == ((HELD, BROKEN), (BROKEN,), (BARE,))
     assert run.metric("position_max") is HELD and run.metric("position_max", "tip") is None
-    assert run.label == "e tuned"
+    assert (run.label, run.steps, run.settings, run.diagnosis) == ("e tuned", 0, {}, None)
     assert (HELD.label, _metric(subject="tip").label) == ("position_max", "position_max (tip)")
 
 
@@ -119,7 +119,8 @@ def test_a_check_holds_up_to_its_tolerance() -> None:
     assert check(1e-10).holds and not check(1.1e-10).holds and not check(None).holds
     both = Equality(exposed=True, checks=(check(0.0), check(None)))
     assert not both.holds and both.broken == (check(None),)
-    assert Equality(exposed=False).holds and Equality(exposed=True, checks=(check(0.0),)).holds
+    assert Equality(exposed=False).holds and Equality(exposed=False).states == 0
+    assert Equality(exposed=True, checks=(check(0.0),)).holds
     assert check(0.0).label == "mass matrix"
     assert check(0.0).model_copy(update={"subject": "arm"}).label == "mass matrix (arm)"
 
