@@ -206,6 +206,17 @@ def test_a_small_swing_is_stretched_as_its_period_is() -> None:
     assert stretching_at(solve(tb.Problem(bob, duration=3.0)), end) == stretched[-1]
 
 
+def test_stretching_is_of_places_in_parts_of_the_size_and_of_angles() -> None:
+    slot = mechanisms.chain_on_a_slot()
+    t = np.linspace(0.0, 0.2, 3)
+    motion = solve(tb.Problem(slot, duration=0.2)).trajectory(t)
+    found = stretchings._motion(solve(tb.Problem(slot, duration=0.2)), t)
+    rods = np.exp(-1j * motion.q[:, :2])
+    upper = complex(1, 2) + motion.q[:, 2] * complex(0.8, 0.6) + rods[:, 0] * (complex(0.5, 0.1) - complex(0.1, 0.1))
+    lower = upper + rods[:, 0] * complex(0.5, -0.1) + rods[:, 1] * (complex(0.4, -0.5) - complex(0, 0.1))
+    assert found == pytest.approx(np.array([upper / size(slot), lower / size(slot), *motion.q[:, :2].T]), rel=1e-9)
+
+
 def test_a_changed_mechanism_that_cannot_be_moved_is_stretched_without_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[str] = []
 
