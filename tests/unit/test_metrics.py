@@ -564,6 +564,7 @@ def test_a_stop_that_pushes_at_a_distance_is_seen() -> None:
         (np.concatenate([T[T < 1.405], [1.9]]), 0.0),
         (np.concatenate([[0.0], T[T > 1.0]]), 1.01),
         (np.repeat(T, 2), 0.0),
+        (T[T > 0.995], 1.0),
     ],
     ids=[
         "whole",
@@ -577,6 +578,7 @@ def test_a_stop_that_pushes_at_a_distance_is_seen() -> None:
         "last step",
         "jump",
         "twice",
+        "late start",
     ],
 )
 def test_compared_time_without_samples_is_missing(t: Any, missing: float) -> None:

@@ -12,12 +12,13 @@ import pytest
 import trebucheck as tb
 from formulas import ARM, END, TURN, Formula, trolley
 from trebucheck.comparisons.runs import stretching as stretchings
+from trebucheck.comparisons.runs import until as ends
 from trebucheck.comparisons.runs.quantities import JUDGED, QUANTITIES, judged_quantity
 from trebucheck.comparisons.runs.scales import Scales, extent, scales_until, size
 from trebucheck.comparisons.runs.stretching import predictable_until, stretching, stretching_at
 from trebucheck.comparisons.runs.until import Until
 from trebucheck.models.mechanism import Body, Marker, PointStop
-from trebucheck.reference.solver import solve
+from trebucheck.reference.solver import characteristic_time, solve
 
 
 def _scales(end: float = END, **changes: Any) -> Scales:
@@ -159,6 +160,8 @@ def test_what_follows_is_judged_in_its_place() -> None:
     }  # fmt: skip
     assert {q.name for q in QUANTITIES.values() if q.event} == {"launch_time", "release_time", "impact_time"}
     assert judged_quantity("position") is judged_quantity("position_max") is QUANTITIES["position_max"]
+    with pytest.raises(tb.InputError, match=f"tolerance '{'x' * 60}' is"):
+        judged_quantity("x" * 61)
     for name in ("position_rms", "energy (of the start's)", "x", ""):
         with pytest.raises(tb.InputError, match="is not of a judged quantity; there are: position, speed"):
             judged_quantity(name)
@@ -291,6 +294,14 @@ def test_a_motion_that_does_not_launch_is_refused_if_the_launch_was_asked_for() 
     solution, end = Until.of("launch:bob").solve(up, LAW)
     launch = solution.launch_at(math.pi / 4, "bob")
     assert launch is not None and end == launch.time and solution.problem.duration >= 1.4 * end
+
+
+def test_the_reference_goes_on_by_two_fifths_beyond_an_event() -> None:
+    bob = mechanisms.hanging_bob()
+    scale = characteristic_time(bob)
+    for event, spans in ((1.42, 2.0), (1.44, 5.5), (3.9, 5.5), (4.0, 16.0), (15.0, 16.0)):
+        solution = ends._solved(bob, LAW, lambda _, event=event: event * scale)
+        assert solution.problem.duration == pytest.approx(spans * scale)
 
 
 def test_a_release_is_the_end() -> None:

@@ -219,6 +219,8 @@ def test_only_markers_of_both_are_compared_and_the_worst_counts() -> None:
     first, second = _compared(T, T, markers=("x", "hook")), _compared(T, 0.5, markers=("hook", "y"))
     assert pair_of("m", ("a", "b"), first, second, END).position_max == pytest.approx(1.0)
     assert pair_of("m", ("a", "b"), first, _compared(T, markers=()), END).position_max is None
+    both = Compared(T, {"x": np.stack([5 * T, T], axis=1), "hook": np.zeros((len(T), 2))}, {}, None)
+    assert pair_of("m", ("a", "b"), first, both, END).position_max == pytest.approx(5 * END)
 
 
 @pytest.mark.parametrize(
