@@ -115,7 +115,7 @@ def test_scales_of_a_mechanism_of_another_size_are_the_same_parts(factor: float)
     usual = scales_until(solve(tb.Problem(own, duration=1.0)), 1.0)
     powers = {"length": 1, "time": 0.5, "speed": 0.5, "angular_speed": -0.5, "mass": 3, "force": 3, "energy": 4}
     for name, power in powers.items():
-        assert getattr(small, name) == pytest.approx(getattr(usual, name) * s**power, rel=1e-6), name
+        assert getattr(small, name) == pytest.approx(getattr(usual, name) * s**power, rel=1e-6, abs=0), name
 
 
 @pytest.mark.parametrize("start", [math.pi / 2, math.pi / 2 - 1e-6])
@@ -190,34 +190,55 @@ def test_the_horizon_is_the_last_time_below_the_limit() -> None:
     assert predictable_until(t, np.full(5, np.inf)) == 1.0
 
 
+def _stretched(mechanism: tb.Mechanism, end: float) -> tuple[Any, Any]:
+    solution = solve(tb.Problem(mechanism, duration=1.5 * end))
+    return stretching(solution, end, scales_until(solution, end))
+
+
 def test_a_free_rotation_is_stretched_by_what_slows_it_down() -> None:
     """A rod that turns evenly, without gravity: more inertia changes nothing, as the speed at the start is given."""
-    rod = mechanisms.hanging_bob(gravity=0.0, start_speeds=(1.0,))
-    t, stretched = stretching(solve(tb.Problem(rod, duration=2.0)), 1.0)
+    t, stretched = _stretched(mechanisms.hanging_bob(gravity=0.0, start_speeds=(1.0,)), 1.0)
     assert len(t) == len(stretched) == 400 and t[-1] == 1.0
-    assert stretched.max() < 1e-3
+    assert stretched.max() < 1e-2
 
 
 def test_a_small_swing_is_stretched_as_its_period_is() -> None:
     """A point mass on l swings with w = sqrt(g / l); an inertia of e m l^2 more makes that w / sqrt(1 + e)."""
-    a, length, end = 1e-3, 3.0, 2.0
-    bob = mechanisms.hanging_bob(start=math.pi / 2 - a, length=length, markers=())
-    t, stretched = stretching(solve(tb.Problem(bob, duration=3.0)), end)
-    w = math.sqrt(9.81 / length)
-    expected = np.maximum.accumulate(np.abs(a * w * t / 2 * np.sin(w * t)))  # in parts of l
-    assert stretched == pytest.approx(expected, rel=0.02, abs=2e-5)
-    assert stretching_at(solve(tb.Problem(bob, duration=3.0)), end) == stretched[-1]
+    length, end = 3.0, 2.0
+    bob = mechanisms.hanging_bob(start=math.pi / 2 - 1e-3, length=length, markers=())
+    t, stretched = _stretched(bob, end)
+    wt = math.sqrt(9.81 / length) * t
+    expected = np.maximum.accumulate(np.abs(np.sin(wt) + wt * np.cos(wt))) / 2  # of the speed, in parts of its largest
+    assert stretched == pytest.approx(expected, rel=0.02, abs=5e-3)
+    assert stretching_at(solve(tb.Problem(bob, duration=3.0)), end) == pytest.approx(stretched[-1], rel=1e-3)
 
 
-def test_stretching_is_of_places_in_parts_of_the_size_and_of_angles() -> None:
+def test_stretching_is_of_everything_in_parts_of_its_scale() -> None:
     slot = mechanisms.chain_on_a_slot()
     t = np.linspace(0.0, 0.2, 3)
-    motion = solve(tb.Problem(slot, duration=0.2)).trajectory(t)
-    found = stretchings._motion(solve(tb.Problem(slot, duration=0.2)), t)
-    rods = np.exp(-1j * motion.q[:, :2])
-    upper = complex(1, 2) + motion.q[:, 2] * complex(0.8, 0.6) + rods[:, 0] * (complex(0.5, 0.1) - complex(0.1, 0.1))
-    lower = upper + rods[:, 0] * complex(0.5, -0.1) + rods[:, 1] * (complex(0.4, -0.5) - complex(0, 0.1))
-    assert found == pytest.approx(np.array([upper / size(slot), lower / size(slot), *motion.q[:, :2].T]), rel=1e-9)
+    solution = solve(tb.Problem(slot, duration=0.2))
+    scales, motion = scales_until(solution, 0.2).model_copy(update={"angle": 2.0}), solution.trajectory(t)
+    q, u, rods = motion.q, motion.u, np.exp(-1j * motion.q[:, :2])
+    arms = (complex(0.5, 0.1) - complex(0.1, 0.1), complex(0.5, -0.1), complex(0.4, -0.5) - complex(0, 0.1))
+    along = complex(0.8, 0.6)
+    upper = complex(1, 2) + q[:, 2] * along + rods[:, 0] * arms[0]
+    lower = upper + rods[:, 0] * arms[1] + rods[:, 1] * arms[2]
+    upper_speed = u[:, 2] * along - 1j * u[:, 0] * rods[:, 0] * arms[0]
+    lower_speed = upper_speed - 1j * (u[:, 0] * rods[:, 0] * arms[1] + u[:, 1] * rods[:, 1] * arms[2])
+    forces = [force[:, 0] + 1j * force[:, 1] for force in motion.joint_reactions.values()]
+    expected = [
+        upper / scales.length, upper_speed / scales.speed, q[:, 0] / 2.0, u[:, 0] / scales.angular_speed,
+        lower / scales.length, lower_speed / scales.speed, q[:, 1] / 2.0, u[:, 1] / scales.angular_speed,
+        *(force / scales.force for force in forces),
+    ]  # fmt: skip
+    assert stretchings._motion(solution, t, scales) == pytest.approx(np.array(expected), rel=1e-9)
+
+
+def test_stretching_is_not_looked_at_where_an_impact_jumps() -> None:
+    t = np.linspace(0.0, 1.0, 11)
+    struck = replace(Formula(), impacts=((0.305, {}), (0.52, {}), (0.695, {}), (0.0, {}), (1.0, {})))
+    left = stretchings._away_from_impacts(struck, t)  # type: ignore[arg-type]
+    assert left == pytest.approx([0.0, 0.1, 0.2, 0.4, 0.5, 0.6, 0.8, 0.9, 1.0])
 
 
 def test_a_changed_mechanism_that_cannot_be_moved_is_stretched_without_limit(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -230,7 +251,7 @@ def test_a_changed_mechanism_that_cannot_be_moved_is_stretched_without_limit(mon
         return solve(problem, *tolerances)
 
     monkeypatch.setattr(stretchings, "solve", fails)
-    _, stretched = stretching(solve(tb.Problem(mechanisms.hanging_bob(), duration=1.0)), 1.0)
+    _, stretched = _stretched(mechanisms.hanging_bob(), 1.0)
     assert np.isinf(stretched).all() and len(set(calls)) == 2
 
 
