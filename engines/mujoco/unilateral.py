@@ -7,6 +7,7 @@ of all contacts that touch there change the speeds, and those at rest afterwards
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -127,16 +128,16 @@ class UnilateralStepper(Stepper):
 
         if gap <= 0 and speed < -least:
             return 0.0
-        turn = _root(lambda part: motion(part)[1], 0.0, step) if speed * last_speed < 0 else 0.0
+        turn = root_in(lambda part: motion(part)[1], 0.0, step) if speed * last_speed < 0 else 0.0
         # Where the gap grew at first the turn is its top, else its lowest point.
         low, high = (turn, step) if speed >= 0 else (0.0, turn or step)
         if motion(high)[0] >= 0:
             return None
         if motion(low)[0] > 0:
-            low = _root(lambda part: motion(part)[0], low, high)
+            low = root_in(lambda part: motion(part)[0], low, high)
         if motion(low)[1] < -least:
             return low
-        return _root(lambda part: motion(part)[1] + least, low, high) if motion(high)[1] < -least else None
+        return root_in(lambda part: motion(part)[1] + least, low, high) if motion(high)[1] < -least else None
 
     def _step_part(self, before: FloatArray, part: float) -> None:
         """As :meth:`_step`, of any length [s], zero included."""
@@ -206,8 +207,10 @@ class UnilateralStepper(Stepper):
         return np.reshape(rows, (-1, self.model.nv))
 
 
-def _root(function: Callable[[float], float], low: float, high: float) -> float:
+def root_in(function: Callable[[float], float], low: float, high: float) -> float:
     """Zero of a function that changes its sign over part of a step [s]; the nearer end if rounding hides the change."""
+    # The solver's warm start makes a last bit depend on the steps before: each value is taken once.
+    function = functools.cache(function)
     first, last = function(low), function(high)
     if first * last >= 0:
         return low if abs(first) <= abs(last) else high

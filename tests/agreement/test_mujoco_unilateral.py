@@ -100,10 +100,10 @@ CASES: dict[str, tuple[Mechanism, float]] = {
     "between two stops, e = 0": (between_stops(0.0), 3.0),
     "between two stops, e = 0.9": (between_stops(0.9), 3.0),
     "rod over a floor, e = 0": (rod_over_a_floor(0.0), 2.0),
-    "rod over a floor, e = 0.5": (rod_over_a_floor(0.5), 3.0),
+    "rod over a floor, e = 0.5": (rod_over_a_floor(0.5), 2.0),
     "bob over a floor, e = 0.9": (hanging_bob(floor(1.5, 0.9)), 3.0),
     "two stops met at one instant": (hanging_bob(floor(1.0, 0.5), angle_stop(math.pi / 6, 0.5)), 1.5),
-    "crank of a four-bar": (four_bar(stops=(angle_stop(1.0, 0.5, body="crank"),)), 1.5),
+    "crank of a four-bar": (four_bar(stops=(angle_stop(1.0, 0.5, body="crank"),)), 1.3),
     "tip of a slider crank": (
         slider_crank(
             stops=(
@@ -111,9 +111,9 @@ CASES: dict[str, tuple[Mechanism, float]] = {
                 angle_stop(1.5, 0.9, body="crank"),
             )
         ),
-        1.8,
+        1.4,
     ),
-    "redundant cranks, e = 0.5": (parallel_cranks(3, angle_stop(1.9, 0.5, body="crank 1")), 1.2),
+    "redundant cranks, e = 0.5": (parallel_cranks(3, angle_stop(1.9, 0.5, body="crank 1")), 1.0),
 }
 cases = pytest.mark.parametrize("name", CASES)
 
@@ -249,7 +249,7 @@ def test_a_stop_given_twice_acts_as_once() -> None:
     (stop,) = once.stops
     twice = once.model_copy(update={"stops": (stop, stop.model_copy(update={"name": "twin"}))})
     single, double = (
-        MujocoEngine(timestep=2e-3).simulate(Problem(mechanism, 2.0, stop_law=StopLaw.UNILATERAL))
+        MujocoEngine(timestep=4e-3).simulate(Problem(mechanism, 1.5, stop_law=StopLaw.UNILATERAL))
         for mechanism in (once, twice)
     )
     assert all(set(impulses) == {"floor", "twin"} for _, impulses in double.impacts)
