@@ -329,6 +329,8 @@ def test_claims_per_torque_are_parts_of_it(table_one: Machine, monkeypatch: pyte
     assert judged("arm stop") == pytest.approx(1e-6 * scale["arm stop"])
     elsewhere = machine.model_copy(update={"table_one": False})
     assert judged("hanger rest", elsewhere) == pytest.approx(1e-4 * scale["hanger rest"])
+    told = _judged(_metric("stop_torque_max", "hanger rest", unit="N m"), machine, **STEP)
+    assert told.reason == "1e-06 of the start value stated at 0.001 s (why)"
     _claiming(_claim(**{**per, "per": "peak"}), monkeypatch=monkeypatch)
     assert judged("hanger rest") == pytest.approx(1e-6 * scale["hanger rest"])
     # One in N m is the same part of the least torque of a rest.
@@ -423,6 +425,13 @@ def test_an_integration_that_agrees_leaves_sixty_four_roundings_of_the_scale(
             assert known[metric.label] == pytest.approx(rounding * scale, rel=1e-9, abs=0), metric.label
     assert known["energy_balance"] >= rounding * scales.largest_energy
     assert "missing_time" not in known
+
+
+def test_an_event_of_one_integration_only_is_as_uncertain_as_its_scale() -> None:
+    missing = _metric("release_time", "rest", None, "s")
+    assert uncertainty._distance(missing, SCALES, Formula()) == pytest.approx(TIME)  # type: ignore[arg-type]
+    early = _metric("release_time", "rest", -2.0, "s")
+    assert uncertainty._distance(early, SCALES, Formula()) == 2.0  # type: ignore[arg-type]
 
 
 class _Shifted:
