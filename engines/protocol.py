@@ -50,6 +50,8 @@ class Capabilities:
     """Laws of the stops it can follow."""
     formulation: str
     """Coordinates and treatment of constraints, in a few words."""
+    stop_torques: bool = True
+    """Torques and forces of the stops."""
 
 
 class Simulator(Protocol):

@@ -145,6 +145,24 @@ SPOILS: dict[str, Spoil] = {
     "wrong_shape": lambda f: replace(f, q=f.q[:, :1]),
     "transposed": lambda f: replace(f, q=f.q.T.copy()),
     "no_markers": lambda f: replace(f, markers={}),
+    "no_torques": lambda f: replace(f, stop_torques={}),
+    "no_reactions": lambda f: replace(f, joint_reactions={}),
+    "releases_what_is_open": lambda f: replace(
+        f, release_times=_mapped(f.release_times, lambda t: 1.0 if t is None else t)
+    ),
+    "swapped_releases": lambda f: replace(
+        f, release_times=dict(zip(f.release_times, list(f.release_times.values())[::-1], strict=True))
+    ),
+    "swapped_reactions": lambda f: replace(
+        f, joint_reactions=dict(zip(f.joint_reactions, list(f.joint_reactions.values())[::-1], strict=True))
+    ),
+    "milliseconds": lambda f: replace(f, t=1000 * f.t),
+    "slow_time": lambda f: replace(f, t=1.001 * f.t),
+    "kilojoules": lambda f: replace(
+        f, kinetic_energy=f.kinetic_energy / 1e3, potential_energy=f.potential_energy / 1e3
+    ),
+    "anticlockwise": lambda f: replace(f, q=-f.q, u=-f.u),
+    "no_trajectory": lambda f: None,  # type: ignore[dict-item,return-value]
     "swapped_markers": lambda f: replace(f, markers=dict(zip(f.markers, list(f.markers.values())[::-1], strict=True))),
 }
 """Ways to spoil a motion after it has been computed, by name."""

@@ -164,8 +164,17 @@ def verdict(results: Results) -> str:
     shown = [check for check in checks if check.exposed]
     models = f"{sum(check.holds for check in shown)} of {len(shown)} built models equivalent"
     unchecked = f", {len(checks) - len(shown)} not checked" if len(shown) < len(checks) else ""
-    head = "Agreement holds" if results.passed else "Agreement does not hold" if judged else "Nothing was judged"
+    head = _head(results, judged > 0)
     return f"{head}. Runs: {outcomes or 'none'}; {held} of {judged} judged quantities hold; {models}{unchecked}."
+
+
+def _head(results: Results, judged: bool) -> str:
+    if not judged:
+        return "Nothing was judged"
+    if not results.passed:
+        return "Agreement does not hold"
+    undecided = any(run.outcome is Outcome.NOT_JUDGED for run in results.runs)
+    return "Nothing disagrees, but not all could be judged" if undecided else "Agreement holds"
 
 
 def _findings(results: Results) -> Iterator[Text]:

@@ -172,9 +172,9 @@ def _launch(c: Comparison) -> Iterator[Metric]:
 
 def _releases(c: Comparison) -> Iterator[Metric]:
     for stop in c.trajectory.mechanism.stops:
-        if not stop.closed:
+        if not stop.closed and c.solution.problem.stop_law is StopLaw.UNILATERAL:
             continue  # it can only open after an impact, which is another event
-        times = c.trajectory.release_time(stop.name), c.solution.release_times[stop.name]
+        times = c.trajectory.release_times.get(stop.name), c.solution.release_times.get(stop.name)
         if _either_within(c, *times):
             yield _event_metric(c, "release_time", stop.name, *times, "released")
 

@@ -72,7 +72,8 @@ def _name_faults(trajectory: Trajectory, mechanism: Mechanism, capabilities: Cap
     stops, joints = {stop.name for stop in mechanism.stops}, {joint.name for joint in mechanism.joints}
     closed = {stop.name for stop in mechanism.stops if stop.closed}
     yield from _names("markers", trajectory.markers, markers, markers)
-    yield from _names("stop_torques", trajectory.stop_torques, stops, set())
+    torques = closed if capabilities.stop_torques else set[str]()
+    yield from _names("stop_torques", trajectory.stop_torques, stops, torques)
     yield from _names("release_times", trajectory.release_times, stops, closed)
     yield from _names("joint_gaps", trajectory.joint_gaps, joints, set())
     promised = joints if capabilities.joint_reactions else set[str]()

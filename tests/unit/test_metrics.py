@@ -312,10 +312,14 @@ def test_releases_of_both_after_the_end_are_none() -> None:
     assert found(END, 1.6)["release_time (rest)"].value == pytest.approx(-0.1)
 
 
-def test_a_stop_that_is_open_at_the_start_has_no_release() -> None:
-    both = {"rest": RELEASE, "buffer": 1.0, "wall": None}
-    found = _measured(_own(release_times=both), replace(REFERENCE, release_times={**both, "buffer": 0.7}))
-    assert [label for label in found if label.startswith("release")] == ["release_time (rest)"]
+def test_a_stop_that_is_open_at_the_start_is_never_released_under_the_law_without_impacts() -> None:
+    own = _own(release_times={"rest": RELEASE, "buffer": 1.0, "wall": None})
+    found = _measured(own)
+    assert [label for label in found if label.startswith("release")] == ["release_time (rest)", "release_time (buffer)"]
+    released = found["release_time (buffer)"]
+    assert released.value is None and released.observed
+    unilateral = replace(REFERENCE, law=tb.StopLaw.UNILATERAL)
+    assert "release_time (buffer)" not in _measured(own, unilateral)
 
 
 # impacts

@@ -32,7 +32,7 @@ def _complaint(trajectory: Any, capabilities: tb.Capabilities = TOLD) -> str:
         {},
         {"t": np.concatenate([[1e-9 * T[-1]], T[1:]])},
         {"t": np.concatenate([[0.0, 0.0], T[2:]])},
-        {"stop_torques": {}},
+        {"stop_torques": {"rest": 0 * T}},
         {"release_times": {"rest": None}},
         {"release_times": {"rest": 0.0, "buffer": 1.0}},
         {"impacts": ((0.0, {"rest": 1.0}), (1.0, {}))},
@@ -44,6 +44,14 @@ def _complaint(trajectory: Any, capabilities: tb.Capabilities = TOLD) -> str:
 def test_a_valid_one_is_given_back(changes: dict[str, Any]) -> None:
     trajectory = replace(OWN, **changes)
     assert refuse_invalid("stranger", trajectory, trolley(), TOLD) is trajectory
+
+
+def test_what_is_promised_may_not_be_missing() -> None:
+    blind = replace(OWN, stop_torques={}, joint_reactions={})
+    without = replace(TOLD, stop_torques=False, joint_reactions=False)
+    assert refuse_invalid("stranger", blind, trolley(), without) is blind
+    assert "stop_torques lacks 'rest'" in _complaint(replace(OWN, stop_torques={}))
+    assert "joint_reactions lacks" in _complaint(replace(OWN, joint_reactions={}))
 
 
 def test_two_times_are_enough() -> None:
