@@ -26,6 +26,8 @@ from trebucheck.models.errors import InputError
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Marker
 
+pytestmark = pytest.mark.slow
+
 TIP = (Marker(name="tip", body="bob", point=(2.0, 0)),)
 MACHINES: dict[str, tb.Mechanism] = {
     "tip": hanging_bob(markers=TIP),

@@ -116,6 +116,7 @@ def test_help_shows_options(command: list[str], capsys: pytest.CaptureFixture[st
         assert option in shown
 
 
+@pytest.mark.slow
 def test_compare_writes_all_and_ends_well(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "deep" / "report"
     assert main(["compare", "--engine", "reference", "--model", "fixed", "--out", str(out)]) == 0
@@ -132,6 +133,7 @@ def test_compare_writes_all_and_ends_well(tmp_path: Path, capsys: pytest.Capture
     assert not list(out.rglob("*.part"))
 
 
+@pytest.mark.slow
 def test_resuming_a_finished_comparison_writes_nothing_but_what_is_missing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -151,6 +153,7 @@ def test_resuming_a_finished_comparison_writes_nothing_but_what_is_missing(
     assert len(again) == len(page)  # but for the random names of its plots
 
 
+@pytest.mark.slow
 def test_a_broken_tolerance_is_exit_code_1(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -312,6 +312,7 @@ def studies(third_party: None) -> Studies:
     return converge(Study([tb.fixed()], ["echo", "raiser"], isolate=False))
 
 
+@pytest.mark.slow
 def test_plugins_are_studied_and_failures_are_points(studies: Studies) -> None:
     machine = studies.machines[0]
     assert {study.label for study in machine.studies} == {"echo tuned", "echo stock", "raiser tuned", "raiser stock"}
@@ -330,6 +331,7 @@ def test_plugins_are_studied_and_failures_are_points(studies: Studies) -> None:
     assert not re.search(r"<(script|link|img)[^>]+(src|href)=.(https?:)?//", text), "the page must need nothing else"
 
 
+@pytest.mark.slow
 def test_what_sets_a_floor_is_looked_for_by_the_engine_itself() -> None:
     """pymunk's iterations converge soon: what is left is set by the time step."""
     if not tb.engines()["pymunk"].installed:
@@ -340,6 +342,7 @@ def test_what_sets_a_floor_is_looked_for_by_the_engine_itself() -> None:
     assert "half the time step leaves 0.25" in explained.evidence
 
 
+@pytest.mark.slow
 def test_the_data_keep_to_the_published_schema(studies: Studies) -> None:
     published = files("trebucheck.comparisons").joinpath("schemas/converge.schema.json").read_text(encoding="utf-8")
     assert published == schema_text(Studies), "run docs/generate.py"
@@ -377,6 +380,7 @@ def test_an_interrupt_is_exit_code_130(
     assert not (tmp_path / "out" / "converge.html").exists()
 
 
+@pytest.mark.slow
 def test_an_interrupted_study_goes_on(third_party: None, tmp_path: Path) -> None:
     def stop(what: str, done: int, of: int) -> None:
         if done == 3:

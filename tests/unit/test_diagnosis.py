@@ -92,6 +92,7 @@ def test_a_suspect_can_be_made_larger(build: Build) -> None:
     assert suspect.amount(1000.0) == "+0.1 %"
 
 
+@pytest.mark.slow
 def test_a_machine_of_no_builder_has_suspects_too(build: Build) -> None:
     other = body("arm", mass=900.0)(build())
     names = {suspect.name for suspect in machine_suspects(other)}
@@ -122,6 +123,7 @@ def test_a_diagnosis_reads_as_a_sentence() -> None:
     assert "Cause unknown" in sentence and "Likeliest" not in sentence and "g (gravity)" in sentence
 
 
+@pytest.mark.slow
 def test_a_gate_that_fails_ends_the_run_and_not_the_report(monkeypatch: pytest.MonkeyPatch) -> None:
     from trebucheck.comparisons.runs import study as studying
 

@@ -173,6 +173,7 @@ def test_a_tolerance_finer_than_the_reference_can_vouch_for_is_refused_and_the_r
     assert html.escape(metric.note, quote=True).replace("&#x27;", "&#39;") in page(document(comparison))
 
 
+@pytest.mark.slow
 def test_beyond_the_predictability_horizon_only_invariants_are_judged() -> None:
     """The reference itself, so far that a hundred-thousandth of an inertia moves it by more than the default."""
     far = _compare(models=["rolling"], duration=8.0, timestep=5e-3)
@@ -227,6 +228,7 @@ def test_a_plug_in_is_compared_like_any_engine() -> None:
     assert comparison.results.runs[0].metric("position_max", "projectile").value == 0.0  # type: ignore[union-attr]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("third_party")
 @pytest.mark.parametrize("isolate", [False, True])
 def test_a_failing_engine_costs_its_row_only(isolate: bool) -> None:
@@ -238,6 +240,7 @@ def test_a_failing_engine_costs_its_row_only(isolate: bool) -> None:
     assert "ZeroDivisionError: careless" in page(document(comparison))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("third_party")
 def test_a_crashing_engine_costs_its_row_only() -> None:
     comparison = _compare(engines=["crasher", "reference"], isolate=True)
@@ -246,6 +249,7 @@ def test_a_crashing_engine_costs_its_row_only() -> None:
     assert failed.message == "crasher crashed: its process ended by itself."
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("third_party")
 def test_several_runs_at_once_give_the_same_results(tmp_path: Path) -> None:
     """One that crashes costs its row only, a finished one is taken from the store, and rows keep their order."""
@@ -262,6 +266,7 @@ def _without_times(results: Results) -> Results:
     return results.model_copy(update={"runs": runs})
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("third_party")
 def test_an_engine_that_never_ends_is_stopped() -> None:
     comparison = _compare(engines=["sleeper"], isolate=True, timeout=1.0)
@@ -313,6 +318,7 @@ def test_progress_is_told() -> None:
     assert [(case.label, done, of) for case, done, of in told] == [("reference tuned", 0, 2), ("reference stock", 1, 2)]
 
 
+@pytest.mark.slow
 def test_an_interrupted_comparison_goes_on(tmp_path: Path) -> None:
     class Stopped(Exception):
         pass
@@ -365,6 +371,7 @@ def test_a_finished_comparison_is_not_measured_again(tmp_path: Path, monkeypatch
     assert again.solutions["fixed"].release_times == first.solutions["fixed"].release_times
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["runs/fixed.json", "runs/fixed-reference-tuned.json"])
 @pytest.mark.parametrize("content", ["not JSON", '{"conditions": "of another"}', None])
 def test_a_broken_or_foreign_record_is_made_anew(name: str, content: str | None, tmp_path: Path) -> None:
@@ -377,6 +384,7 @@ def test_a_broken_or_foreign_record_is_made_anew(name: str, content: str | None,
     assert _compare(store=replace(store, resume=True)).repeated
 
 
+@pytest.mark.slow
 def test_a_record_is_of_one_trajectory_and_of_one_end(tmp_path: Path) -> None:
     store = Store(tmp_path / "trajectories", records=tmp_path / "runs")
     _compare(store=store)

@@ -68,6 +68,7 @@ def test_a_stop_without_its_point_misses_a_point(capsys: pytest.CaptureFixture[s
     assert "stops.0.point is missing." in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NEW)
 def test_a_throw_speaks_of_what_the_machine_has(name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["throw", "--model", name, "--out", str(tmp_path)]) == 0

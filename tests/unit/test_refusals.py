@@ -79,6 +79,7 @@ def test_a_trajectory_that_cannot_be_written(out: str, refused: Callable[..., st
     assert "cannot be written" in refused(*RUN, "--out", out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -140,6 +141,7 @@ def test_a_wait_without_end() -> None:
     assert 1e6 < Worker(float("inf")).timeout < float("inf")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("duration", ["1e-300", "5e-324", "1e-12"])
 def test_a_comparison_over_no_time_at_all(duration: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["compare", "--models", "catapult", "--engines", "reference", "--preset", "tuned"]
@@ -181,6 +183,7 @@ def _limited(kind: str, limit: int, arguments: list[str]) -> tuple[int, str]:
     return done.returncode, done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are POSIX's")
 def test_a_limit_of_file_sizes_costs_only_what_does_not_fit(tmp_path: Path) -> None:
     arguments = ["compare", "--models", "catapult,fixed", "--engines", "reference", "--preset", "tuned"]

@@ -16,6 +16,7 @@ from trebucheck.reference.throw.release import Projectile
 from trebucheck.reference.throw.throw import Throw, throw
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
@@ -50,6 +51,7 @@ def test_wrong_input_gets_a_sentence(arguments: list[str], complaint: str, refus
     assert complaint in refused("throw", *arguments)
 
 
+@pytest.mark.slow
 def test_a_machine_too_weak_to_throw(refused: Callable[..., str], tmp_path: Path) -> None:
     # A feather for a counterweight: the arm falls, and the projectile stays below the fulcrum.
     arguments = ["--set", "m_cw=1", "--out", str(tmp_path / "out")]
@@ -57,6 +59,7 @@ def test_a_machine_too_weak_to_throw(refused: Callable[..., str], tmp_path: Path
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_mechanism_of_one_s_own(
     refused: Callable[..., str], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -73,6 +76,7 @@ def test_a_mechanism_of_one_s_own(
     assert "no marker 'projectile' to throw" in refused("throw", "--model", str(path))
 
 
+@pytest.mark.slow
 def test_all_is_shown_and_written(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     out = tmp_path / "deep" / "throw"
     arguments = ["--model", "rolling", "--density", "1.2", "--drag-area", "0.05", "--sensitivities"]
@@ -95,6 +99,7 @@ def test_all_is_shown_and_written(capsys: pytest.CaptureFixture[str], tmp_path: 
     assert not re.search(r"<(script|link|img)[^>]+(src|href)=.(https?:)?//", page), "the page must need nothing else"
 
 
+@pytest.mark.slow
 def test_a_page_that_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from trebucheck.comparisons.throw import plots as throw_figures
 
@@ -143,6 +148,7 @@ def test_a_machine_that_stands_elsewhere_throws_as_far() -> None:
     assert there.launch.x == pytest.approx(at_origin.launch.x, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_each_choice_of_release() -> None:
     launch = throw(tb.fixed()).launch
     assert throw(tb.fixed(), release_angle=math.pi / 4).launch == launch

@@ -28,6 +28,8 @@ from trebucheck.reference.certification import certify as certification
 from trebucheck.reference.integrator import MOST_STEPS
 from trebucheck.reference.solver import solve
 
+pytestmark = pytest.mark.slow
+
 
 def parallel_cranks(start: float = -math.pi / 2, speed: float = -1.0) -> Mechanism:
     """Two parallelograms in a row, every link 1 m: where all links are on one line the loops' constraints are singular.

@@ -170,6 +170,7 @@ def test_best_angles_on_four_worlds(place: str, drag_area: float, angle: float) 
     assert low - 0.15 <= angle <= high + 0.15
 
 
+@pytest.mark.slow
 def test_thicker_air_asks_for_a_flatter_throw() -> None:
     """Moon above Mars above Earth above Venus, and no drag area gives all four of the paper's Table II."""
     angles = [_best_angle(place, 0.05) for place in ("moon", "mars", "earth", "venus")]

@@ -15,6 +15,7 @@ PAPER = {False: PaperEquations(rolling=False), True: PaperEquations(rolling=True
 ACTIVE_SETS = [(), ("hanger rest",), ("sling rest",), ("sling rest", "hanger rest")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rolling", [False, True], ids=["fixed", "rolling"])
 @pytest.mark.parametrize("closed", ACTIVE_SETS, ids=["free", "hanger", "sling", "both"])
 @given(parameters=machine_parameters(), seed=st.integers(0, 2**32 - 1))

@@ -42,6 +42,7 @@ def mirrored(mechanism: tb.Mechanism) -> tb.Mechanism:
     return tb.Mechanism(**fields)
 
 
+@pytest.mark.slow
 @given(parameters=machine_parameters())
 def test_mirror_image(build: Build, parameters: tb.TrebuchetParameters) -> None:
     machine = build(parameters)
