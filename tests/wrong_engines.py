@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import trebucheck as tb
+from plugins import Plain
 from trebucheck.models.trajectory import PointMotion
 
 Spoil = Callable[[tb.Trajectory], tb.Trajectory]
@@ -21,30 +22,11 @@ Build = Callable[[tb.Mechanism], tb.Mechanism]
 
 
 @dataclass(frozen=True)
-class Honest:
+class Honest(Plain):
     """The reference with tolerances of 1e-10, under another name."""
 
     name = "honest"
-    capabilities = tb.Capabilities(
-        joint_reactions=True,
-        joint_gaps=False,
-        located_releases=True,
-        stop_laws=frozenset(tb.StopLaw),
-        formulation="minimal coordinates",
-    )
     timestep: float = 1e-3
-
-    @classmethod
-    def presets(cls) -> dict[str, Callable[..., Any]]:
-        return {"tuned": cls, "stock": cls}
-
-    @classmethod
-    def is_installed(cls) -> bool:
-        return True
-
-    @classmethod
-    def version(cls) -> str:
-        return "1.0"
 
     def simulate(self, problem: tb.Problem) -> tb.Trajectory:
         wrong = self.built(problem.mechanism)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...models.launch import LAUNCH_ANGLE, Launch
 from ...models.problem import Problem
-from ...reference.certification.certificate import Uncertainties, certified, load_certificate
+from ...reference.certification.certificate import Uncertainties, certified, covering_certificate
 from ...reference.solution import Solution
 from ...reference.solver import solve
 from .metrics import measure
@@ -38,8 +38,8 @@ def reference_uncertainties(
         invariants_to: end of what invariants are compared over [s].
     """
     estimated = _estimated(solution, end, scales, thrown, invariants_to)
-    certificate, launch = load_certificate(solution.problem.mechanism), solution.launch
-    if certificate is None or launch is None or (invariants_to or end) > launch.time * (1 + 1e-9):
+    certificate = covering_certificate(solution, invariants_to or end)
+    if certificate is None:
         return Uncertainties(source="estimate", values=estimated)
     known = certified(certificate).values
     kept = {label: value for label, value in estimated.items() if label.split(" (")[0] not in known}

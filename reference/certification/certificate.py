@@ -134,10 +134,16 @@ def reference_uncertainty(solution: Solution, end: float | None = None) -> Uncer
     Args:
         end: end of the compared motion [s]; a certificate covers times up to the launch only.
     """
-    certificate = load_certificate(solution.problem.mechanism)
+    certificate = covering_certificate(solution, end)
+    return certified(certificate) if certificate else estimate_uncertainty(solution, end)
+
+
+def covering_certificate(solution: Solution, end: float | None = None) -> Certificate | None:
+    """The mechanism's committed certificate, if it covers the motion up to `end` [s]: none goes past the launch."""
     launch = solution.launch
-    covered = launch is not None and (end is None or end <= launch.time * (1 + 1e-9))
-    return certified(certificate) if certificate and covered else estimate_uncertainty(solution, end)
+    if launch is None or (end is not None and end > launch.time * (1 + 1e-9)):
+        return None
+    return load_certificate(solution.problem.mechanism)
 
 
 def certified(certificate: Certificate) -> Uncertainties:
