@@ -8,9 +8,10 @@ of lengths the square of those of times, so that gravity keeps its number. What 
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -25,6 +26,13 @@ from .protocol import Recording
 
 _LENGTHS, _MASSES = (0.25, 200.0), (0.05, 1e6)  # [m], [kg] mechanisms between these are built in SI
 _LENGTH, _MASS = 16.0, 1024.0  # [m], [kg] what others get: about Table I's
+
+
+class _Options(Protocol):
+    def in_time_unit(self, unit: float) -> Self: ...
+
+
+_O = TypeVar("_O", bound=_Options)
 
 
 @dataclass(frozen=True)
@@ -49,8 +57,31 @@ class Units:
         """Unit of what a stop pushes with [N m or N]."""
         return self.force if isinstance(stop, PointStop) else self.energy
 
+    def run(self, run: Callable[[Problem, _O], Recording], problem: Problem, options: _O) -> Recording:
+        """What an engine's `run` of the problem in these units records, in SI."""
+        if self == SI:
+            return run(problem, options)
+        with self._in_messages():
+            recording = run(self.problem(problem), options.in_time_unit(self.time))
+        return self.recording(recording, problem)
+
+    def inspect(
+        self,
+        inspect: Callable[[Mechanism, Sequence[State], _O], Inspection],
+        mechanism: Mechanism,
+        states: Sequence[State],
+        options: _O,
+    ) -> Inspection:
+        """What an engine's `inspect` shows of the mechanism in these units, in SI."""
+        if self == SI:
+            return inspect(mechanism, states, options)
+        with self._in_messages():
+            scaled = self.mechanism(mechanism), self.states(mechanism, states)
+            inspection = inspect(*scaled, options.in_time_unit(self.time))
+        return self.inspection(inspection, mechanism)
+
     @contextmanager
-    def in_messages(self) -> Generator[None]:
+    def _in_messages(self) -> Generator[None]:
         """Say in an engine's errors that their numbers are in these units."""
         try:
             yield

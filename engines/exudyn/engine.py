@@ -53,22 +53,12 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         self.refuse_absence()
         from .inspect import inspect  # loads Exudyn
 
-        units = self._units(mechanism)
-        if units == SI:
-            return inspect(mechanism, states, self)
-        options = self.in_time_unit(units.time)
-        with units.in_messages():
-            inspection = inspect(units.mechanism(mechanism), units.states(mechanism, states), options)
-        return units.inspection(inspection, mechanism)
+        return self._units(mechanism).inspect(inspect, mechanism, states, self)
 
     def _run(self, problem: Problem) -> Recording:
         from .step import run  # loads Exudyn
 
-        units = self._units(problem.mechanism)
-        if units == SI:
-            return run(problem, self)
-        with units.in_messages():
-            return units.recording(run(units.problem(problem), self.in_time_unit(units.time)), problem)
+        return self._units(problem.mechanism).run(run, problem, self)
 
     def _units(self, mechanism: Mechanism) -> Units:
         """SI where a stiffness is given in it, of stops on angles and on points alike."""

@@ -10,7 +10,7 @@ from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording
 from ..study import EngineStudy
-from ..units import SI, units_of
+from ..units import units_of
 from .options import MujocoOptions
 from .study import STUDY
 
@@ -71,21 +71,11 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
         # Imported here so that the class, its options and its documentation need no MuJoCo.
         from .run import run
 
-        units = units_of(problem.mechanism)
-        if units == SI:
-            return run(problem, self)
-        with units.in_messages():
-            return units.recording(run(units.problem(problem), self.in_time_unit(units.time)), problem)
+        return units_of(problem.mechanism).run(run, problem, self)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The built model's mass matrix, forces and forward dynamics in each state, its closed limits at rest."""
         self.refuse_absence()
         from .inspect import inspect
 
-        units = units_of(mechanism)
-        if units == SI:
-            return inspect(mechanism, states, self)
-        options = self.in_time_unit(units.time)
-        with units.in_messages():
-            inspection = inspect(units.mechanism(mechanism), units.states(mechanism, states), options)
-        return units.inspection(inspection, mechanism)
+        return units_of(mechanism).inspect(inspect, mechanism, states, self)
