@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -70,12 +70,6 @@ def machine_suspects(mechanism: Mechanism) -> tuple[Suspect, ...]:
         _rounded,
     )
     return tuple(suspect for part in parts for suspect in part(mechanism))
-
-
-def more_wrong(mechanism: Mechanism, suspect: Suspect, factor: float) -> Suspect | None:
-    """The same suspect with `factor` times its amount, for what is not linear; None where there is no such machine."""
-    wrong = combined(mechanism, (suspect,), (factor,))
-    return None if wrong is None else replace(suspect, wrong=wrong, scale=suspect.scale * factor)
 
 
 def combined(mechanism: Mechanism, suspects: Sequence[Suspect], factors: Sequence[float]) -> Mechanism | None:

@@ -16,7 +16,7 @@ from trebucheck.comparisons.compare.report import diagnosis
 from trebucheck.comparisons.diagnosis.model import check_and_diagnose
 from trebucheck.comparisons.diagnosis.onset import active_contacts_at, growth
 from trebucheck.comparisons.diagnosis.signatures import match
-from trebucheck.comparisons.diagnosis.suspects import machine_suspects, more_wrong
+from trebucheck.comparisons.diagnosis.suspects import combined, machine_suspects
 from trebucheck.comparisons.equivalence.checks import EXACT, check_model, random_states
 from trebucheck.comparisons.runs.results import Cause, Diagnosis, Outcome, Run
 from trebucheck.models.machines.trebuchet import parameters_of
@@ -86,9 +86,9 @@ def test_an_engine_that_cannot_be_looked_into_fails(build: Build) -> None:
 
 def test_a_suspect_can_be_made_larger(build: Build) -> None:
     suspect = next(s for s in machine_suspects(build()) if s.name.startswith("m_cw"))
-    larger = more_wrong(build(), suspect, 1000.0)
+    larger = combined(build(), (suspect,), (1000.0,))
     assert larger is not None
-    assert larger.wrong.body("hanger").mass == pytest.approx(3000.0 * 1.001, rel=1e-12)
+    assert larger.body("hanger").mass == pytest.approx(3000.0 * 1.001, rel=1e-12)
     assert suspect.amount(1000.0) == "+0.1 %"
 
 

@@ -13,7 +13,7 @@ import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
 from trebucheck.comparisons.diagnosis.consistent import with_closed_loops
-from trebucheck.comparisons.diagnosis.suspects import machine_suspects, more_wrong
+from trebucheck.comparisons.diagnosis.suspects import combined, machine_suspects
 from trebucheck.comparisons.explain import causes_of
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.models.machines.registry import model
@@ -137,9 +137,9 @@ def test_suspects_are_machines_that_can_move(machine: tb.Mechanism) -> None:
         assert {f"{joint.name} missing", f"direction of the {joint.name}"} <= set(names)
     for suspect in suspects:
         assert suspect.wrong != machine, suspect.name
-        larger = more_wrong(machine, suspect, 1e3)
+        larger = combined(machine, (suspect,), (1e3,))
         assert larger is not None or suspect.scale == 0, suspect.name
-        for wrong in (suspect.wrong, *([larger.wrong] if larger else [])):
+        for wrong in (suspect.wrong, *([larger] if larger else [])):
             closed = with_closed_loops(wrong)
             assert closed is not None
             tb.Problem(closed)
