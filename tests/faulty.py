@@ -5,14 +5,18 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 import trebucheck as tb
 from scipy.optimize import brentq
+from trebucheck.comparisons.compare import study as comparing
 from trebucheck.comparisons.runs import study as studying
 from trebucheck.comparisons.runs.results import Outcome, Run
+from trebucheck.comparisons.runs.runner import Runner, Worker
+from trebucheck.comparisons.runs.until import Until
 from trebucheck.engines import registry
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.models.kinematics import Kinematics
@@ -96,6 +100,12 @@ class Fault:
     """How an engine's code is spoilt."""
 
 
+@cache
+def _runner(mechanism: tb.Mechanism, until: Until, law: tb.StopLaw) -> Runner:
+    """Of the right mechanism: no fault is in its reference, which is solved once for all of them."""
+    return Runner(mechanism, Worker(isolate=False), until, law)
+
+
 def run_with(fault: Fault, model: str, monkeypatch: pytest.MonkeyPatch) -> Run:
     """As `compare` runs it: the fault's own engine, spoilt on the way in."""
     if fault.text:
@@ -108,6 +118,7 @@ def run_with(fault: Fault, model: str, monkeypatch: pytest.MonkeyPatch) -> Run:
         inner = make(name, preset, **options)
         return Faulty(inner, **fault.parts) if fault.parts else inner
 
+    monkeypatch.setattr(comparing, "Runner", lambda mechanism, _, until, law: _runner(mechanism, until, law))
     monkeypatch.setattr(studying, "engine", spoilt)
     monkeypatch.setattr(registry, "engine", spoilt)  # with other options it is as faulty
     results = tb.compare([model], [fault.engine], ["tuned"], isolate=False, **(fault.options or {})).results

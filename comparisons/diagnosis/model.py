@@ -222,14 +222,21 @@ def _signatures(
     if {stop.name for stop in wrong.stops} < {stop.name for stop in mechanism.stops}:
         return  # a missing stop: see _plain
     start = np.array(wrong.start) - np.array(mechanism.start)
-    none = np.zeros_like(start)
-    for shift, start_error in ((none, start), (start, start), (none, none)):
-        faulty = expected(wrong, [replace(state, q=state.q + shift) for state in states], equations)
-        exposed = faulty.as_dynamics(inspection.dynamics)
-        exposed = [replace(dynamics, stop_gaps=gaps) for dynamics, gaps in zip(exposed, faulty.gaps, strict=True)]
+    here, moved = (
+        _exposed(equations, [replace(state, q=state.q + shift) for state in states], inspection)
+        for shift in (0.0 * start, start)
+    )
+    for exposed, start_error in ((here, start), (moved, start), (here, 0.0 * start)):
         yield np.concatenate(
             [scaled_differences(right, exposed), start_error, _gaps(right, exposed, inspection.dynamics)]
         )
+
+
+def _exposed(equations: Equations, states: Sequence[State], inspection: Inspection) -> list[Dynamics]:
+    """What an engine would show of these equations in the states that shows as much as the inspected one."""
+    faulty = expected(equations.mechanism, states, equations)
+    exposed = faulty.as_dynamics(inspection.dynamics)
+    return [replace(dynamics, stop_gaps=gaps) for dynamics, gaps in zip(exposed, faulty.gaps, strict=True)]
 
 
 def _gaps(right: Expected, dynamics: Sequence[Dynamics], like: Sequence[Dynamics]) -> FloatArray:

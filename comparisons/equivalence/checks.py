@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain, combinations
 
 import numpy as np
@@ -65,20 +66,23 @@ class Expected:
     inertial_torques: dict[str, float]
     """The same by stop, of the lightest coordinate that it acts on."""
 
-    @property
+    @cached_property
     def force_scale(self) -> FloatArray:
         """Size of the forces, by coordinate."""
         return _scale_of(self.forces, self.inertial)
 
-    @property
+    @cached_property
     def acceleration_scale(self) -> FloatArray:
         """Size of the accelerations, by coordinate."""
         return _scale_of(self.accelerations, self.inertial / self.mass.max(axis=0).diagonal())
 
-    def torque_scale(self, stop: str) -> float:
-        """Size of a stop's torques; one that carries nothing in any state is scaled by the inertial forces."""
-        size = max(abs(torques.get(stop, 0.0)) for torques in self.torques)
-        return max(size, _LEAST * self.inertial_torques[stop])
+    @cached_property
+    def torque_scales(self) -> dict[str, float]:
+        """Size of each stop's torques; one that carries nothing in any state is scaled by the inertial forces."""
+        sizes = {name: _LEAST * inertial for name, inertial in self.inertial_torques.items()}
+        for torques in self.torques:
+            sizes |= {name: max(sizes[name], abs(torque)) for name, torque in torques.items()}
+        return sizes
 
     def as_dynamics(self, like: Sequence[Dynamics]) -> tuple[Dynamics, ...]:
         """As an engine would expose them that exposes the same as another one."""
@@ -99,20 +103,16 @@ def expected(mechanism: Mechanism, states: Sequence[State], equations: Equations
     equations = equations or Equations(mechanism)
     q, u = np.array([state.q for state in states]), np.array([state.u for state in states])
     kinematics = equations.kinematics
-    solved = [equations.solve(state.q, state.u, state.closed) for state in states]
+    accelerations, torques = _solved(equations, states, q, u)
+    gaps = {stop.name: kinematics.gap(stop.name, q).tolist() for stop in mechanism.stops}
     rows = [kinematics.point(body.name, body.centre) for body in mechanism.bodies]
     inertial = equations.mass_matrix(q).max(axis=0).diagonal() * np.maximum(np.square(u).max(axis=0), _SPEED**2)
     return Expected(
         mass=equations.mass_matrix(q),
         forces=equations.forces(q, u),
-        accelerations=np.array([accelerations for accelerations, _ in solved]),
-        torques=tuple(
-            dict(zip(state.closed, multipliers[equations.n_loops :].tolist(), strict=True))
-            for state, (_, multipliers) in zip(states, solved, strict=True)
-        ),
-        gaps=tuple(
-            {stop.name: float(kinematics.gap(stop.name, state.q)) for stop in mechanism.stops} for state in states
-        ),
+        accelerations=accelerations,
+        torques=torques,
+        gaps=tuple({name: values[k] for name, values in gaps.items()} for k in range(len(states))),
         bodies=tuple(body.name for body in mechanism.bodies),
         centres=np.stack([kinematics.position(row, q) for row in rows], axis=1),
         inertial=inertial,
@@ -124,9 +124,23 @@ def expected(mechanism: Mechanism, states: Sequence[State], equations: Equations
     )
 
 
+def _solved(
+    equations: Equations, states: Sequence[State], q: FloatArray, u: FloatArray
+) -> tuple[FloatArray, tuple[dict[str, float], ...]]:
+    """Accelerations, shape (n_states, n_q), and torques of the closed stops; states of the same stops at once."""
+    accelerations, torques = np.empty_like(q), [dict[str, float]() for _ in states]
+    for closed in dict.fromkeys(tuple(state.closed) for state in states):
+        rows = [k for k, state in enumerate(states) if tuple(state.closed) == closed]
+        accelerations[rows], multipliers = equations.solve(q[rows], u[rows], closed)
+        for k, efforts in zip(rows, multipliers[:, equations.n_loops :].tolist(), strict=True):
+            torques[k] = dict(zip(closed, efforts, strict=True))
+    return accelerations, tuple(torques)
+
+
 def scaled_differences(reference: Expected, dynamics: Sequence[Dynamics]) -> FloatArray:
     """All exposed differences as one flat vector, each kind in units of its size: M, f, a, torques, centres."""
     parts: list[FloatArray] = []
+    reach = float(np.abs(reference.centres).max()) or 1.0
     for k, engine_values in enumerate(dynamics):
         diagonal = np.sqrt(np.diag(reference.mass[k]))
         if engine_values.mass_matrix is not None:
@@ -136,8 +150,7 @@ def scaled_differences(reference: Expected, dynamics: Sequence[Dynamics]) -> Flo
         parts.append((engine_values.accelerations - reference.accelerations[k]) / reference.acceleration_scale)
         for name, torque in reference.torques[k].items():
             error = engine_values.stop_torques.get(name, math.nan) - torque
-            parts.append(np.array([error / reference.torque_scale(name)]))
-        reach = float(np.abs(reference.centres).max()) or 1.0
+            parts.append(np.array([error / reference.torque_scales[name]]))
         parts += [
             (engine_values.centres[name] - reference.centres[k, i]) / reach
             for i, name in enumerate(reference.bodies)
@@ -221,7 +234,7 @@ def _torques(reference: Expected, dynamics: Sequence[Dynamics]) -> Iterator[Chec
         pairs = [
             (d.stop_torques.get(name), t[name]) for d, t in zip(dynamics, reference.torques, strict=True) if name in t
         ]
-        size = reference.torque_scale(name)
+        size = reference.torque_scales[name]
         missing = any(torque is None for torque, _ in pairs)
         worst = max((abs(torque - right) for torque, right in pairs if torque is not None), default=0.0) / size
         yield _exactly("stop torque", name, None if missing else worst)
