@@ -13,7 +13,7 @@ from ...reference.certification.certificate import load_certificate
 from ..report import document as doc
 from ..report.document import Block, Cell, Column, Document, Heading, Mark, Note, Table, Text, mark_of, page_only, table
 from ..report.numbers import format_number, format_step
-from ..report.sections import HORIZON, certified_figures, provenance
+from ..report.sections import certified_figures, predictable, provenance
 from ..runs.results import COMPARED, Cause, Diagnosis, Equality, Machine, Metric, Outcome, Pair, Results, Run
 from . import plots
 from .study import Comparison
@@ -244,6 +244,7 @@ def _chapter(comparison: Comparison, machine: Machine) -> list[Block]:
     return [
         Heading(f"{machine.model.capitalize()} machine", 2, machine.model),
         Text(" ".join(_reference_sentences(machine)), medium="page"),
+        Text(predictable(machine)),
         Heading("How far the reference is known"),
         *_uncertainty(machine),
         Heading("Model-equivalence check"),
@@ -267,8 +268,6 @@ def _reference_sentences(machine: Machine) -> Iterator[str]:
     else:
         yield f"The reference launches at {machine.launch_time:.9f} s with {machine.launch_speed:.7f} m/s."
     yield f"Compared from the start to {machine.compared_to:.6g} s."
-    if machine.judged_to < machine.compared_to:
-        yield f"Beyond {machine.judged_to:.6g} s only invariants are judged: {HORIZON}."
     if machine.needs:
         yield f"Tolerances asked for: {', '.join(f'{name} {text}' for name, text in machine.needs.items())}."
     if machine.impacts:

@@ -376,6 +376,7 @@ def machine_row(runner: Runner, needs: Needs) -> Machine:
         compared_to=end,
         judged_to=runner.judged_to,
         stretching=runner.stretching,
+        predictability=runner.predictability,
         scales=runner.scales,
         whole_scales=runner.whole_scales,
         needs=needs.texts,

@@ -9,7 +9,7 @@ import numpy as np
 from ...models.mechanism import Mechanism
 from ...models.trajectory import Trajectory
 from ...reference.certification.certificate import Certificate, Figure
-from ..runs.results import ResultFile
+from ..runs.results import Machine, ResultFile
 from .document import Block, Code, Document, Fold, Heading, Listing, Note, Table, Text, table
 from .numbers import format_settings
 
@@ -17,9 +17,9 @@ Settings = tuple[str, str, str, Mapping[str, object]]
 """Machine, engine (and what else names the run), version, and settings."""
 
 
-HORIZON = (
-    "there a hundred-thousandth of a body's inertia moves the mechanism by a thousandth of its size, and any two "
-    "integrators differ"
+_HORIZON = (
+    "there a hundred-thousandth of a body's inertia, or of the start, moves the mechanism by a thousandth of its size, "
+    "and any two integrators differ"
 )
 """What is so beyond the predictability horizon."""
 
@@ -37,7 +37,24 @@ def compared_time(launch_time: float | None, compared_to: float | None, judged_t
     text = f"Compared from the start to {f'the launch at {end:.6f}' if launches else f'{end:.6g}'} s."
     if judged_to is None or judged_to >= end:
         return text
-    return f"{text} Nothing is compared beyond {judged_to:.6g} s: {HORIZON}."
+    return f"{text} Nothing is compared beyond {judged_to:.6g} s: {_HORIZON}."
+
+
+def predictable(machine: Machine) -> str:
+    """The predictability horizon, and how the stretching comes to it."""
+    text = f"Predictable to the end, {machine.compared_to:.6g} s."
+    if machine.judged_to < machine.compared_to:
+        text = f"Predictable until {machine.judged_to:.6g} s; beyond it only invariants are judged: {_HORIZON}."
+    found = machine.predictability
+    if found is None:
+        return text
+    rows = zip(found.times, found.parameters, found.start, strict=True)
+    grown = ", ".join(f"{_factor(p)} ({_factor(s)}) by {t:.4g} s" for t, p, s in rows)
+    return f"{text} Relative errors of inertias (of the start) are stretched {grown}."
+
+
+def _factor(stretched: float | None) -> str:
+    return "without limit" if stretched is None else f"{stretched:.2g} times"
 
 
 def provenance(

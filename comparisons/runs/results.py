@@ -212,6 +212,14 @@ class Pair(Spec):
     launch_speed: Real | None = Field(description="[m/s]; None if one of them does not launch")
 
 
+class Predictability(Spec):
+    """How far errors are stretched by some times: each in parts of scales, per part of what is wrong by it."""
+
+    times: tuple[Real, ...] = Field(description="[s]")
+    parameters: tuple[Real | None, ...] = Field(description="by the bodies' inertias; null: without limit")
+    start: tuple[Real | None, ...] = Field(description="by coordinates and speeds at the start; null: without limit")
+
+
 class Machine(Spec):
     """A machine as compared, with the reference's figures."""
 
@@ -222,6 +230,7 @@ class Machine(Spec):
     compared_to: Real = Field(description="end of the compared motion: the launch, or the duration [s]")
     judged_to: Real = Field(description="the end, or the predictability horizon if that is earlier [s]")
     stretching: Real = Field(description="relative displacement of the motion up to there per change of inertia")
+    predictability: Predictability | None = None
     scales: Scales
     whole_scales: Scales | None = Field(
         default=None, description="of the motion to the end, where invariants are judged beyond the horizon"

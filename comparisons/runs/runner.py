@@ -34,9 +34,9 @@ from ...models.trajectory import Trajectory
 from ...reference.certification.certificate import Uncertainties
 from ...reference.solution import Solution
 from .metrics import measure
-from .results import Metric, Outcome
+from .results import Metric, Outcome, Predictability
 from .scales import Scales, scales_until
-from .stretching import predictable_until, stretching
+from .stretching import Stretching, stretching_until
 from .uncertainty import reference_uncertainties
 from .until import Until
 from .validity import refuse_invalid
@@ -281,19 +281,28 @@ class Runner:
         return self.worker.compute(partial(reference_uncertainties, *given))
 
     @cached_property
-    def _stretching(self) -> tuple[FloatArray, FloatArray]:
-        return self.worker.compute(partial(stretching, self.solution, self.end, self._scales_to_end))
+    def _stretching(self) -> Stretching:
+        return self.worker.compute(partial(stretching_until, self.solution, self.end, self._scales_to_end))
 
     @cached_property
     def judged_to(self) -> float:
         """The end, or the predictability horizon if that is earlier [s]."""
-        return predictable_until(*self._stretching)
+        return self._stretching.horizon
 
     @property
     def stretching(self) -> float:
-        """Of the motion up to there."""
-        t, stretched = self._stretching
-        return float(stretched[t <= self.judged_to].max())
+        """Of the motion up to there, by parameters."""
+        return float(self._stretching.parameters[self._stretching.before(self.judged_to)])
+
+    @property
+    def predictability(self) -> Predictability:
+        """Stretching at each quarter of the compared time."""
+        found, times = self._stretching, [part * self.end for part in (0.25, 0.5, 0.75, 1.0)]
+        at = [found.before(time) for time in times]
+        parameters, start = (
+            tuple(float(v) if np.isfinite(v) else None for v in each[at]) for each in (found.parameters, found.start)
+        )
+        return Predictability(times=tuple(times), parameters=parameters, start=start)
 
     @cached_property
     def _scales_to_end(self) -> Scales:

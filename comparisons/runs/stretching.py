@@ -1,14 +1,23 @@
-"""Stretching: how far a small change of the mechanism's inertia moves its motion, and until when that stays small.
+"""Stretching: how far small errors of parameters and of the start move a motion, and until when that stays small.
 
 A numerical error is a small disturbance of the equations, made in every step and carried on by the motion. So is a
 small change of a body's moment of inertia, and its effect can be computed for any mechanism, with stops and loops. The
 motion of the changed mechanism minus that of the unchanged one, each quantity in parts of its scale, the largest of all
-and per part of the change, is the stretching. Where it is large any two integrators differ, and no tolerance means
-anything.
+and per part of the change, is the stretching. Errors of the start are carried on as well: of each coordinate in parts
+of its scale, of each speed in parts of the natural one, projected onto the constraints. Where either is large any two
+integrators differ, and no tolerance means anything.
+
+Not every large stretching is one of an unpredictable motion. A clock that is wrong by a part in a million is wrong by
+more every day and remains a clock: what a parameter does to a period grows in proportion to time, and so does an
+integrator's own error of it, which a tolerance may well bound. Growth by no more than `REGULAR` in a characteristic
+time is such a drift.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,47 +25,133 @@ from numpy.typing import NDArray
 
 from ...models.arrays import FloatArray
 from ...models.errors import TrebucheckError
+from ...models.kinematics import initial_state
 from ...models.mechanism import Body, Mechanism
 from ...models.problem import Problem
+from ...reference.equations import Equations, consistent_coordinates, consistent_speeds
 from ...reference.solution import Solution
-from ...reference.solver import solve
+from ...reference.solver import TOLERANCE, solve
 from .scales import Scales, extent, scales_until
 
 LIMIT = 100.0
 """Where a hundred-thousandth of a body's inertia, less than any is known to, moves something by the default
 tolerance of a thousandth of its scale, nothing is judged any more but invariants."""
+REGULAR = 2.5
+"""In a characteristic time: of a pendulum it is 0.5 (a point mass) to 1.5 (a rod), whatever its amplitude."""
 _CHANGE = 1e-6
-"""Of mass times length squared of one body."""
+"""Of mass times length squared of one body; of the scale of an angle, a slide or a speed at the start."""
 _TOLERANCE = 1e-9  # of the integrations: a thousandth of what the change moves
+_KNOWN = 1e-4  # of a scale: the reference itself is not known better, and the default is not judged any more
 _SAMPLES = 400
 _NEAR = 0.1  # of the interval of the samples
+_EACH, _COMBINATIONS = 6, 3  # most bodies whose inertias are changed one by one; random combinations of more
+_SHORTER = (1.0, 0.75, 0.5, 0.25)  # of the end: how far a changed mechanism is moved that cannot be moved to the end
 
 
-def stretching(solution: Solution, end: float, scales: Scales) -> tuple[FloatArray, FloatArray]:
-    """Largest of all bodies' changes so far, over time.
+@dataclass(frozen=True)
+class Stretching:
+    """Of one motion over time, in parts of scales per part of what is changed; non-decreasing, shapes (n,).
+
+    Infinite from where a changed mechanism could not be moved.
+    """
+
+    t: FloatArray
+    """[s], from the start to the end of the compared motion."""
+    parameters: FloatArray
+    """By inertia."""
+    start: FloatArray
+    """By coordinates and speeds at the start; of the configuration alone."""
+    rounding: FloatArray
+    """Of the reference's own integration, carried on: an estimate of its error, in parts of scales."""
+    allowed: FloatArray
+    """Most that is predictable, at each time."""
+
+    @property
+    def largest(self) -> FloatArray:
+        """The larger of the two, shape (n,)."""
+        return np.maximum(self.parameters, self.start)
+
+    @property
+    def horizon(self) -> float:
+        """The predictability horizon [s], at most the end."""
+        return predictable_until(self.t, np.where(self.rounding <= _KNOWN, self.largest / self.allowed * LIMIT, np.inf))
+
+    def before(self, time: float) -> int:
+        """Index of the last of the times that is not later [s]."""
+        return max(0, int(np.searchsorted(self.t, time, side="right")) - 1)
+
+
+def stretching_until(solution: Solution, end: float, scales: Scales) -> Stretching:
+    """Of a reference motion.
 
     Args:
         solution: of the reference.
         end: of the compared motion [s].
         scales: of the motion up to there.
-
-    Returns:
-        Times [s] and the stretching up to each of them, in parts of scales per part of inertia; shapes (n,). It is
-        infinite from where the changed mechanism could not be moved.
     """
-    t = _away_from_impacts(solution, np.linspace(0.0, end, _SAMPLES))
-    problem = solution.problem
-    motion = _motion(solve(_problem(problem, problem.mechanism, end), _TOLERANCE, _TOLERANCE), t, scales)
-    largest = np.zeros(len(t))
-    for body in problem.mechanism.bodies:
-        changed = _with_more_inertia(problem.mechanism, body)
+    changed = _Changed(solution, end, scales)
+    t, mechanism = changed.t, solution.problem.mechanism
+    parameters = changed.largest(_with_other_inertias(mechanism), _motion)
+    start = changed.largest(_with_other_starts(mechanism, scales), _configuration)
+    steps = np.searchsorted(np.concatenate([segment.interpolant.ts for segment in solution.segments]), t)
+    largest = np.maximum(parameters, start)
+    allowed = np.maximum(LIMIT, REGULAR * t / scales.time)
+    rounding = np.asarray(TOLERANCE * steps * np.maximum(1.0, largest), dtype=np.float64)
+    return Stretching(t, parameters, start, rounding, allowed)
+
+
+def stretching(solution: Solution, end: float, scales: Scales) -> tuple[FloatArray, FloatArray]:
+    """Times [s] and the stretching by inertia up to each of them, shapes (n,): as :func:`stretching_until`."""
+    changed = _Changed(solution, end, scales)
+    return changed.t, changed.largest(_with_other_inertias(solution.problem.mechanism), _motion)
+
+
+def stretching_at(solution: Solution, end: float) -> float:
+    """The stretching by inertia up to `end` [s]."""
+    return float(stretching(solution, end, scales_until(solution, end))[1][-1])
+
+
+def predictable_until(t: FloatArray, stretched: FloatArray) -> float:
+    """The predictability horizon [s]: the last of the times t up to which the stretching stays below its limit."""
+    beyond = np.flatnonzero(~(stretched <= LIMIT))
+    return float(t[max(1, int(beyond[0]) - 1 if len(beyond) else len(t) - 1)])
+
+
+_Reading = Callable[[Solution, FloatArray, Scales], NDArray[np.complex128]]
+
+
+class _Changed:
+    """How far changed mechanisms move from the unchanged one."""
+
+    def __init__(self, solution: Solution, end: float, scales: Scales) -> None:
+        self.problem, self.end, self.scales = solution.problem, end, scales
+        self.t = _away_from_impacts(solution, np.linspace(0.0, end, _SAMPLES))
         try:
-            moved = _motion(solve(_problem(problem, changed, end), _TOLERANCE, _TOLERANCE), t, scales)
-        except TrebucheckError:
-            moved = np.full_like(motion, np.inf)
-        distance = np.abs(moved - motion).max(axis=0) / _CHANGE
-        largest = np.maximum(largest, distance)
-    return t, np.maximum.accumulate(largest)
+            self.unchanged = self._solved(self.problem.mechanism, end)
+        except TrebucheckError:  # as loosely as that it cannot be moved
+            self.unchanged = solution
+
+    def largest(self, mechanisms: Iterable[Mechanism], read: _Reading) -> FloatArray:
+        """Largest change so far of anything that is read, of all mechanisms, per part of their change; shape (n,)."""
+        motion, found = read(self.unchanged, self.t, self.scales), np.zeros(len(self.t))
+        for mechanism in mechanisms:
+            moved = self._moved(mechanism, read)
+            distance = np.abs(moved - motion[:, : moved.shape[1]]).max(axis=0) / _CHANGE
+            found[: len(distance)] = np.maximum(found[: len(distance)], distance)
+            found[len(distance) :] = np.inf
+        return np.maximum.accumulate(found)
+
+    def _moved(self, mechanism: Mechanism, read: _Reading) -> NDArray[np.complex128]:
+        for part in _SHORTER:
+            try:
+                return read(self._solved(mechanism, part * self.end), self.t[self.t <= part * self.end], self.scales)
+            except TrebucheckError:
+                continue
+        return np.empty((1, 0), dtype=np.complex128)
+
+    def _solved(self, mechanism: Mechanism, end: float) -> Solution:
+        problem = Problem(mechanism, duration=end, stop_law=self.problem.stop_law)
+        return solve(problem, _TOLERANCE, _TOLERANCE)
 
 
 def _away_from_impacts(solution: Solution, t: FloatArray) -> FloatArray:
@@ -68,24 +163,41 @@ def _away_from_impacts(solution: Solution, t: FloatArray) -> FloatArray:
     return t[~near]
 
 
-def stretching_at(solution: Solution, end: float) -> float:
-    """The stretching up to `end` [s]."""
-    return float(stretching(solution, end, scales_until(solution, end))[1][-1])
+def _with_other_inertias(mechanism: Mechanism) -> Iterator[Mechanism]:
+    """One body changed in each; of many bodies all of them in each, up or down at random."""
+    n = len(mechanism.bodies)
+    changes = np.eye(n) if n <= _EACH else np.random.default_rng(n).choice([-1.0, 1.0], (_COMBINATIONS, n))
+    for signs in changes:
+        yield mechanism.model_copy(
+            update={
+                "bodies": tuple(_with_inertia(mechanism, *each) for each in zip(mechanism.bodies, signs, strict=True))
+            }
+        )
 
 
-def predictable_until(t: FloatArray, stretched: FloatArray) -> float:
-    """The predictability horizon [s]: the last of the times t up to which the stretching stays below its limit."""
-    return float(t[max(1, int(np.searchsorted(stretched, LIMIT, side="right")) - 1)])
+def _with_inertia(mechanism: Mechanism, body: Body, sign: float) -> Body:
+    change = sign * _CHANGE * body.mass * extent(mechanism, body) ** 2
+    return body.model_copy(update={"inertia": body.inertia + (change if body.inertia + change >= 0 else -change)})
 
 
-def _problem(problem: Problem, mechanism: Mechanism, end: float) -> Problem:
-    return Problem(mechanism, duration=end, stop_law=problem.stop_law)
+def _with_other_starts(mechanism: Mechanism, scales: Scales) -> Iterator[Mechanism]:
+    """All coordinates, and then all speeds, up or down at random, as far as constraints let them."""
+    equations, (q, u) = Equations(mechanism), initial_state(mechanism)
+    closed = [stop.name for stop in mechanism.stops if stop.closed]
+    signs = np.random.default_rng(len(q)).choice([-_CHANGE, _CHANGE], len(q))
+    angles = equations.kinematics.is_angle > 0
+    other_q = signs * np.where(angles, scales.angle, scales.length)
+    other_u = signs * np.where(angles, 1.0 / scales.length, 1.0) * _natural_speed(mechanism, scales)
+    for dq, du in ((other_q, 0.0), (0.0, other_u)):
+        near = consistent_coordinates(equations, q + dq, closed)
+        if near is not None:
+            speeds = consistent_speeds(equations, near, u + du, closed)
+            yield mechanism.model_copy(update={"start": tuple(near.tolist()), "start_speeds": tuple(speeds.tolist())})
 
 
-def _with_more_inertia(mechanism: Mechanism, body: Body) -> Mechanism:
-    more = body.model_copy(update={"inertia": body.inertia + _CHANGE * body.mass * extent(mechanism, body) ** 2})
-    bodies = tuple(more if each.name == body.name else each for each in mechanism.bodies)
-    return mechanism.model_copy(update={"bodies": bodies})
+def _natural_speed(mechanism: Mechanism, scales: Scales) -> float:
+    """[m/s] of a start from rest as well: what gravity gives within the mechanism's own size."""
+    return math.sqrt(mechanism.gravity * scales.length) or scales.speed
 
 
 def _motion(solution: Solution, t: FloatArray, scales: Scales) -> NDArray[np.complex128]:
@@ -99,6 +211,12 @@ def _motion(solution: Solution, t: FloatArray, scales: Scales) -> NDArray[np.com
         rows += [motion.q[:, i] / scales.angle, motion.u[:, i] / scales.angular_speed]
     rows += [_plane(force) / scales.force for force in solution.joint_reactions(motion).values()]
     return np.array(rows, dtype=np.complex128)
+
+
+def _configuration(solution: Solution, t: FloatArray, scales: Scales) -> NDArray[np.complex128]:
+    """Positions and angles in parts of their scales, shape (n_rows, n)."""
+    angles = solution.equations.kinematics.is_angle > 0
+    return (solution.motion(t).q / np.where(angles, scales.angle, scales.length)).T.astype(np.complex128)
 
 
 def _plane(vectors: FloatArray) -> NDArray[np.complex128]:

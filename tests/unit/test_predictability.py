@@ -1,0 +1,105 @@
+"""How errors of the start and of parameters are stretched, and the predictability horizon: from closed forms."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mechanisms
+import numpy as np
+import pytest
+import trebucheck as tb
+from trebucheck.comparisons.runs import stretching as stretchings
+from trebucheck.comparisons.runs.scales import scales_until
+from trebucheck.comparisons.runs.stretching import LIMIT, Stretching, stretching_until
+from trebucheck.models.mechanism import Body, Marker
+from trebucheck.reference.solver import solve
+
+
+def _stretched(mechanism: tb.Mechanism, end: float) -> Stretching:
+    solution = solve(tb.Problem(mechanism, duration=end))
+    return stretching_until(solution, end, scales_until(solution, end))
+
+
+def _links(n: int, start: float) -> tb.Mechanism:
+    """Equal rods of 1 m and 1 kg, each hung from the end of the one before, at rest."""
+    names = ["ground", *(f"rod {i}" for i in range(n))]
+    rods = tuple(Body(name=name, angle=f"{name} angle", mass=1, centre=(0.5, 0), inertia=1 / 12) for name in names[1:])
+    pins = [mechanisms.pin(f"pin {i}", *names[i : i + 2], at=(1.0 if i else 0.0, 0.0)) for i in range(n)]
+    tip = Marker(name="tip", body=names[-1], point=(1, 0))
+    return tb.Mechanism(name="links", bodies=rods, joints=tuple(pins), markers=(tip,), gravity=9.81, start=(start,) * n)
+
+
+def test_errors_of_the_start_of_an_even_turn() -> None:
+    """Without gravity an angle keeps its error, and an error of the speed makes one that grows with time."""
+    even = mechanisms.hanging_bob(gravity=0.0, start_speeds=(1.0,))  # 2 m: the natural speed is its own, 1 rad/s
+    found = _stretched(even, 4.0)
+    assert found.start == pytest.approx(np.maximum(1.0, found.t), rel=1e-4)
+    assert found.horizon == 4.0
+
+
+def test_errors_of_the_start_of_a_small_swing() -> None:
+    """The angle's error is carried on as cos(wt), that of sqrt(g / l) of the speed as sin(wt)."""
+    found = _stretched(mechanisms.hanging_bob(start=math.pi / 2 - 1e-3), 2.0)
+    assert found.start == pytest.approx(np.ones(len(found.t)), rel=1e-4)
+
+
+def test_errors_of_an_upright_pendulum_grow_exponentially() -> None:
+    """A point mass at rest above its pin: cosh(wt), at once in its configuration."""
+    up, w = mechanisms.hanging_bob(start=-math.pi / 2), math.sqrt(9.81 / 2.0)
+    found = _stretched(up, 3.0)
+    assert found.start == pytest.approx(np.cosh(w * found.t), rel=1e-2)
+    assert found.horizon == pytest.approx(math.acosh(LIMIT) / w, abs=2 * found.t[1])
+
+
+def test_a_closed_stop_holds_the_start() -> None:
+    """A start that is held by its stop has no error of its own."""
+    held = mechanisms.hanging_bob(mechanisms.angle_stop(0.0).model_copy(update={"closed": True}), gravity=0.0)
+    assert _stretched(held, 1.0).start.max() < 1e-6
+
+
+def test_a_regular_motion_is_predictable_however_long() -> None:
+    """A rod's swing: a part of its inertia changes its phase by 1.5 parts in each characteristic time."""
+    found = _stretched(_links(1, 0.3), 20.0)
+    assert found.parameters[-1] > LIMIT and found.horizon == 20.0
+
+
+def test_a_chaotic_motion_is_not() -> None:
+    found = _stretched(_links(2, 0.0), 5.0)
+    index = int(np.searchsorted(found.t, found.horizon))
+    assert found.horizon < 4.5 and found.largest[index] <= LIMIT < found.largest[index + 1]
+
+
+def test_many_bodies_are_changed_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Seven bodies take as many integrations as a hundred."""
+    changed: list[tuple[float, ...]] = []
+
+    def counted(problem: tb.Problem, *tolerances: float) -> Any:
+        changed.append(tuple(body.inertia - 1 / 12 for body in problem.mechanism.bodies))
+        return solve(problem, *tolerances)
+
+    monkeypatch.setattr(stretchings, "solve", counted)
+    assert _stretched(_links(7, 1.0), 0.01).horizon == 0.01
+    assert len(changed) == 1 + 3 + 2  # none, three random combinations, coordinates and speeds
+    assert all(np.abs(each) == pytest.approx(1e-6, rel=1e-6) for each in changed[1:4])
+    assert len({tuple(np.sign(each)) for each in changed[1:4]}) == 3 and not np.any(changed[4:])
+
+
+def test_a_changed_mechanism_that_cannot_be_moved_to_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is known until three quarters, half or a quarter of the end."""
+
+    def fails_late(problem: tb.Problem, *tolerances: float) -> Any:
+        if problem.duration > 0.6:
+            raise tb.SimulationError("it cannot be moved")
+        return solve(problem, *tolerances)
+
+    monkeypatch.setattr(stretchings, "solve", fails_late)
+    found = _stretched(mechanisms.hanging_bob(), 1.0)
+    assert np.isfinite(found.largest[found.t <= 0.5]).all() and np.isinf(found.largest[found.t > 0.5]).all()
+    assert found.horizon == found.t[found.t <= 0.5][-1]
+
+
+def test_the_reference_is_not_known_beyond_its_own_rounding() -> None:
+    t, one = np.linspace(0.0, 4.0, 5), np.ones(5)
+    known = Stretching(t, one, one, np.array([0.0, 1e-6, 9e-5, 1.1e-4, 1.0]), LIMIT * one)
+    assert known.horizon == 2.0
