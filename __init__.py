@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from .models.machines.catapult import CatapultParameters, catapult
     from .models.machines.floating_arm import FloatingArmParameters, floating_arm
     from .models.machines.parameters import TrebuchetParameters
+    from .models.machines.registry import model
     from .models.machines.trebuchet import HingedParameters, fixed, hinged, rolling
     from .models.mechanism import Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint, Stop
     from .models.problem import Problem, StopLaw
@@ -69,6 +70,7 @@ __all__ = [
     "fixed",
     "floating_arm",
     "hinged",
+    "model",
     "rolling",
     "throw",
 ]
@@ -82,6 +84,7 @@ _HOMES = {
     "engine": "engines.registry",
     "Launch": "models.launch",
     "TrebuchetParameters": "models.machines.parameters",
+    "model": "models.machines.registry",
     "Problem": "models.problem",
     "StopLaw": "models.problem",
     "Trajectory": "models.trajectory",

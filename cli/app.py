@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from ..models.errors import SimulationError, TrebucheckError, shortened
-from . import catalogue, certify, paper, recommend, run, studies, throw
+from . import catalogue, certify, paper, problems, recommend, run, studies, throw
 from .output import printable
 
 app = typer.Typer(
@@ -39,6 +39,7 @@ for name, command in {
     "recommend": recommend.recommend_command,
     "converge": studies.converge_command,
     "paper": paper.paper_command,
+    "problems": problems.problems_command,
     "engines": catalogue.engines_command,
 }.items():
     app.command(name)(command)

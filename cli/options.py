@@ -15,9 +15,10 @@ if TYPE_CHECKING:
     from ..comparisons.runs.study import Study
     from ..models.machines.parameters import TrebuchetParameters
     from ..models.mechanism import Mechanism
+    from ..models.problem import Problem
     from ..models.spec import Spec
 
-MACHINES = "fixed, rolling, catapult, hinged, floating-arm, or a mechanism's .json file"
+MACHINES = "fixed, rolling, catapult, hinged, floating-arm, a problem (`trebucheck problems`), or a .json file"
 
 Models = Annotated[
     str,
@@ -28,7 +29,8 @@ Engines = Annotated[str | None, typer.Option("--engines", "--engine", help="Engi
 Preset = Annotated[str, typer.Option("--preset", "--presets", help="tuned, stock, or both: tuned,stock.")]
 Timestep = Annotated[float | None, typer.Option("--timestep", help="Step of every engine (s); else the preset's own.")]
 Duration = Annotated[
-    float | None, typer.Option("--duration", help="Compared or simulated time (s); to the launch by default.")
+    float | None,
+    typer.Option("--duration", help="Compared or simulated time (s); the problem's, else to the launch, by default."),
 ]
 Set = Annotated[
     list[str] | None,
@@ -41,7 +43,8 @@ Until = Annotated[
     str | None,
     typer.Option(
         "--until",
-        help="End of the compared motion: launch, launch:MARKER, release:STOP, or a time (s); else the launch.",
+        help="End of the compared motion: launch, launch:MARKER, release:STOP, or a time (s); else the problem's own, "
+        "or the launch.",
     ),
 ]
 Tolerance = Annotated[
@@ -57,7 +60,10 @@ Tolerances = Annotated[
 ]
 Resume = Annotated[bool, typer.Option("--resume", help="Take finished runs from the folder again.")]
 Timeout = Annotated[float, typer.Option("--timeout", help="Longest wait for one run (s).")]
-StopLaw = Annotated[str, typer.Option("--stop-law", help="release-once or unilateral.")]
+StopLaw = Annotated[
+    str | None,
+    typer.Option("--stop-law", help="release-once or unilateral; by default the problem's own, else release-once."),
+]
 EngineOption = Annotated[
     list[str] | None,
     typer.Option("--option", metavar="NAME=VALUE", help="A numerical option of the engine; repeatable."),
@@ -157,6 +163,8 @@ class Chosen:
 
         if self.beam is None:
             return {}
+        if "l1" not in kind.model_fields or "l2" not in kind.model_fields:
+            raise InputError(f"--beam {self.beam!r} keeps l1 + l2 of a trebuchet; these parameters have no l1 and l2.")
         l1 = self.numbers["l1"] if "l1" in self.numbers else float(kind.model_fields["l1"].default)
         if "l2" in self.numbers:
             raise InputError("--beam chooses l2 itself; leave out --set l2, or --beam.")
@@ -179,34 +187,52 @@ def _number(name: str, text: str) -> float:
         raise InputError(f"--set {name} = {text!r} is not a number.") from None
 
 
-def machines(text: str, texts: list[str] | None, beam: float | None) -> list[Mechanism]:
-    """Mechanisms by name or from files, named ones with the parameters of --set and --beam.
+def given(text: str, texts: list[str] | None, beam: float | None) -> list[Mechanism | Problem]:
+    """Mechanisms by name or from files, and the library's problems; named ones with the parameters of --set and --beam.
 
     Raises:
         InputError: a name is unknown, a parameter is not valid, or a file cannot be read or is not a mechanism.
     """
-    from ..models.machines.registry import model
+    from ..models.machines.registry import library_problem, model
     from ..models.mechanism import Mechanism
 
     chosen = parameters(texts, beam)
-    mechanisms: list[Mechanism] = []
+    found: list[Mechanism | Problem] = []
     for name in names(text, "--models"):
-        if name.endswith(".json") and chosen:
+        if not name.endswith(".json"):
+            found.append(library_problem(name, chosen.of(name)) or model(name, chosen.of(name)))
+        elif chosen:
             raise InputError(f"--set and --beam are for named machines; {name} holds its own values.")
-        mechanisms.append(Mechanism.load(Path(name)) if name.endswith(".json") else model(name, chosen.of(name)))
-    return mechanisms
+        else:
+            found.append(Mechanism.load(Path(name)))
+    return found
+
+
+def machines(text: str, texts: list[str] | None, beam: float | None) -> list[Mechanism]:
+    """As :func:`given`, the mechanisms alone."""
+    from ..models.problem import Problem
+
+    return [one.mechanism if isinstance(one, Problem) else one for one in given(text, texts, beam)]
+
+
+def only(text: str, texts: list[str] | None, beam: float | None, command: str) -> Mechanism | Problem:
+    """As :func:`given`, of a command that takes one.
+
+    Raises:
+        InputError: as :func:`given`, or there are several.
+    """
+    found = given(text, texts, beam)
+    if len(found) != 1:
+        raise InputError(f"--model {text!r} names {len(found)} machines; `{command}` takes one.")
+    return found[0]
 
 
 def machine(text: str, texts: list[str] | None, beam: float | None, command: str) -> Mechanism:
-    """The mechanism of a command that takes one.
+    """As :func:`only`, the mechanism alone."""
+    from ..models.problem import Problem
 
-    Raises:
-        InputError: as :func:`machines`, or there are several.
-    """
-    mechanisms = machines(text, texts, beam)
-    if len(mechanisms) != 1:
-        raise InputError(f"--model {text!r} names {len(mechanisms)} machines; `{command}` takes one.")
-    return mechanisms[0]
+    found = only(text, texts, beam, command)
+    return found.mechanism if isinstance(found, Problem) else found
 
 
 def chosen_names(text: str | None, what: str) -> list[str] | None:
@@ -219,7 +245,12 @@ def chosen_names(text: str | None, what: str) -> list[str] | None:
 
 
 def study(
-    models: Sequence[str | Mechanism], engines: str | None, out: Path, resume: bool, timeout: float, **others: Any
+    models: Sequence[str | Mechanism | Problem],
+    engines: str | None,
+    out: Path,
+    resume: bool,
+    timeout: float,
+    **others: Any,
 ) -> Study:
     """A study whose runs are kept in the folder of its results.
 

@@ -20,7 +20,7 @@ def run_command(
     assignments: options.Set = None,
     beam: options.Beam = None,
     option: options.EngineOption = None,
-    stop_law: options.StopLaw = "release-once",
+    stop_law: options.StopLaw = None,
     timeout: options.Timeout = 600.0,
     out: Annotated[Path, options.out("NetCDF file to write, or a folder for it.")] = Path("report"),
 ) -> None:
@@ -36,20 +36,21 @@ def run_command(
     from ..comparisons.report.sections import run_report
     from ..comparisons.runs.runner import Runner, Worker, simulate
     from ..comparisons.runs.study import Study, one_end
-    from ..comparisons.runs.until import Until
     from ..engines.registry import engine as make
     from ..models.files import refuse_unwritable
     from ..models.problem import Problem
     from ..models.trajectory import save
 
-    mechanism = options.machine(model, assignments, beam, "run")
+    given = options.only(model, assignments, beam, "run")
     made = make(engine, preset, **options.engine_options(option, timestep))
-    end, law = Until.of(one_end(duration, until)), Study(stop_law=stop_law).law
-    given = Problem(mechanism, duration=end.time, stop_law=law) if end.kind == "time" else None
+    study = Study([given], stop_law=stop_law, until=one_end(duration, until))
+    (mechanism,) = study.mechanisms
+    end, law = study.end_of(mechanism), study.law_of(mechanism)
+    asked = Problem(mechanism, duration=end.time, stop_law=law) if end.kind == "time" else None
     path = out if out.suffix == ".nc" else out / f"{mechanism.name}-{engine}-{preset}.nc"
     refuse_unwritable(path.parent, path.name)
     with Worker(options.positive(timeout, "--timeout")) as worker:
-        problem = given or Runner(mechanism, worker, end, law).problem(made)
+        problem = asked or Runner(mechanism, worker, end, law).problem(made)
         trajectory = worker.call(simulate, made, problem)
     save(trajectory, path)
     output.show(run_report(trajectory), Trajectory=path)

@@ -22,7 +22,7 @@ def compare_command(
     tolerances: options.Tolerances = None,
     assignments: options.Set = None,
     beam: options.Beam = None,
-    stop_law: options.StopLaw = "release-once",
+    stop_law: options.StopLaw = None,
     resume: options.Resume = False,
     timeout: options.Timeout = 600.0,
     out: Annotated[Path, options.out("Folder for report.html, results.json and trajectories.")] = Path("report"),
@@ -42,7 +42,7 @@ def compare_command(
     from ..comparisons.runs.store import Store
     from ..models.files import refuse_unwritable
 
-    machines = options.machines(models, assignments, beam)
+    machines = options.given(models, assignments, beam)
     presets = options.names(preset, "--preset")
     chosen = options.chosen_names(engines, "--engines")
     refuse_unwritable(out)
@@ -96,7 +96,7 @@ def converge_command(
     from ..comparisons.converge.report import document
     from ..comparisons.converge.study import converge
 
-    machines = options.machines(models, assignments, beam)
+    machines = options.given(models, assignments, beam)
     chosen = options.chosen_names(knobs, "--knobs")
     study = options.study(machines, engines, out, resume, timeout, until=until)
     with output.progress() as show:
@@ -134,7 +134,7 @@ def explain_command(
     from ..comparisons.explain.report import document
     from ..comparisons.explain.study import explain
 
-    machines = options.machines(models, assignments, beam)
+    machines = options.given(models, assignments, beam)
     own = {} if timestep is None else {"timestep": timestep}
     presets = options.names(preset, "--preset")
     study = options.study(machines, engines, out, resume, timeout, presets=presets, options=own, until=until)

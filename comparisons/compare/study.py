@@ -16,7 +16,7 @@ from ...engines.registry import engine_class
 from ...models.errors import SimulationError, UnwritableError
 from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
-from ...models.problem import StopLaw
+from ...models.problem import Problem, StopLaw
 from ...models.spec import Spec
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
@@ -65,7 +65,7 @@ class Case:
 
 
 def compare(
-    models: Iterable[str | Mechanism] = ("fixed", "rolling"),
+    models: Iterable[str | Mechanism | Problem] = ("fixed", "rolling"),
     engines: Iterable[str] | None = None,
     presets: Iterable[str] = PRESETS,
     *,
@@ -74,7 +74,7 @@ def compare(
     duration: float | None = None,
     until: str | float | None = None,
     tolerances: Mapping[str, float | str] | None = None,
-    stop_law: StopLaw | str = StopLaw.RELEASE_ONCE,
+    stop_law: StopLaw | str | None = None,
     store: Store | None = None,
     isolate: bool = True,
     timeout: float = 600.0,
@@ -84,17 +84,17 @@ def compare(
     """Run engines on machines and measure them against the reference, up to the launch.
 
     Args:
-        models: names of machines (:func:`...models.machines.registry.models`) or mechanisms of your own.
+        models: names of machines or of the library's problems, mechanisms of your own, or problems.
         engines: names; all known ones if left out. Those not installed become rows that say so.
         presets: 'tuned', 'stock', or both.
         parameters: of the named machines, all of one class; their defaults if left out.
         timestep: of every engine [s]; each preset's own if left out.
-        duration: end of the compared motion [s]; the reference's launch if left out.
+        duration: end of the compared motion [s]; a problem's own, else the reference's launch, if left out.
         until: the end in other words: 'launch:MARKER', 'release:STOP', or a time [s].
         tolerances: needs by quantity, in its unit or in parts of its scale, e.g. {'position': 1e-3, 'energy': '0.1%'};
             for one subject 'position:projectile'; for whatever has none, 'default'. What is left out is held against
             the engine's claim or the default.
-        stop_law: 'release-once' or 'unilateral'.
+        stop_law: 'release-once' or 'unilateral'; a problem's own, else 'release-once', if left out.
         store: where trajectories are kept and, if asked, taken from again.
         isolate: simulate in a process of its own, so that an engine's crash costs only its row.
         timeout: longest wait for one isolated run [s]; what takes longer becomes a failed row.
@@ -229,13 +229,13 @@ class _MachineRuns:
     """
 
     def __init__(self, study: Study, mechanism: Mechanism, worker: Worker) -> None:
-        self.store, self.runner = study.store, Runner(mechanism, worker, study.end, study.law)
-        self._needs = study.needs
+        self.store, self._needs = study.store, study.needs
+        self.runner = Runner(mechanism, worker, study.end_of(mechanism), study.law_of(mechanism))
         self.runs: list[Run] = []
         self.motions: dict[str, Callable[[], Trajectory]] = {}
         self._compared: dict[str, Compared] = {}
         self._files: dict[str, str] = {}
-        self._parts = (mechanism.content_hash, repr(study.end), repr(study.needs), study.law.value)
+        self._parts = (mechanism.content_hash, repr(self.runner.until), repr(study.needs), self.runner.law.value)
         """Of the conditions under which a record is used again: whatever decides its content must be among them."""
         self._kept = self.store.record(mechanism.name, _MachineRecord, conditions(*self._parts)) if self.store else None
         self.machine = self._kept.machine if self._kept else machine_row(self.runner, self._needs)

@@ -48,7 +48,9 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
     with study.worker() as worker:
         for mechanism in study.mechanisms:
             try:
-                trials = Trials(mechanism, worker, study.store, until=study.end, law=study.law)
+                trials = Trials(
+                    mechanism, worker, study.store, until=study.end_of(mechanism), law=study.law_of(mechanism)
+                )
                 machines.append(_machine(trials, plan, absent, count))
             except SimulationError as error:  # of its reference: the other machines must not be lost with it
                 failures[mechanism.name] = str(error)

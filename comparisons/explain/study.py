@@ -45,7 +45,9 @@ def explain(study: Study) -> Explanation:
     with study.worker() as worker:
         for mechanism in study.mechanisms:
             try:
-                trials = Trials(mechanism, worker, study.store, until=study.end, law=study.law)
+                trials = Trials(
+                    mechanism, worker, study.store, until=study.end_of(mechanism), law=study.law_of(mechanism)
+                )
             except SimulationError as error:  # of its reference: the other machines must not be lost with it
                 failures[mechanism.name] = str(error)
                 continue

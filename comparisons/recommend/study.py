@@ -14,8 +14,9 @@ from typing import Any
 from ...engines.registry import engine, engine_class, engine_study
 from ...engines.study import OptionSet
 from ...models.errors import InputError, TrebucheckError
-from ...models.machines.registry import parameters_type
+from ...models.machines.registry import models, parameters_type
 from ...models.mechanism import Mechanism
+from ...models.problem import Problem
 from ...models.spec import Spec
 from ...reference.solver import characteristic_time
 from ..runs.study import Counter, Study
@@ -65,13 +66,13 @@ def recommend(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advic
     (model,) = study.models
     if not 0 <= neighbours <= _MOST_NEIGHBOURS:
         raise InputError(f"neighbours = {neighbours} must be between 0 and {_MOST_NEIGHBOURS}.")
-    if isinstance(model, Mechanism) and study.parameters is not None:
+    if not isinstance(model, str) and study.parameters is not None:
         raise InputError("parameters are for named machines; a mechanism holds its own values.")
     names = study.measured_engines
     with study.worker() as worker:
 
         def case(mechanism: Mechanism, until: Until, predictable: bool) -> Case:
-            made = partial(Trials, mechanism, worker, study.store, curves=False, law=study.law)
+            made = partial(Trials, mechanism, worker, study.store, curves=False, law=study.law_of(study.mechanisms[0]))
             return Case(made(until=until, predictable=predictable), asked)
 
         family = _family(model, study, neighbours, case)
@@ -81,20 +82,21 @@ def recommend(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advic
     return _whole(family, asked, advice)
 
 
-def _family(model: str | Mechanism, study: Study, count: int, case: _MakeCase) -> _Family:
-    own = case(study.mechanisms[0], study.end, False)
+def _family(model: str | Mechanism | Problem, study: Study, count: int, case: _MakeCase) -> _Family:
+    end = study.end_of(study.mechanisms[0])
+    own = case(study.mechanisms[0], end, False)
     own.refuse_what_cannot_be_judged()
-    if isinstance(model, str):
+    if isinstance(model, str) and model in models():
         source = of_parameters(model, study.parameters)
         varied = f"lengths up to {LENGTH:g} times, masses up to {MASS:g} times (or as many times less), "
         varied += f"start angles within {ANGLE:g} rad"
     else:
-        source = of_mechanism(model)
+        source = of_mechanism(study.mechanisms[0])
         varied = f"masses up to {MASS:g} times, gravity up to {GRAVITY:g} times (or as many times less)"
         varied += "; its geometry was not varied"
     cases, rows = [own], list[NeighbourMachine]()
     # What launches has neighbours that launch: another one is no trebuchet.
-    until = replace(study.end, required=own.trials.runner.launch_time is not None or study.end.required)
+    until = replace(end, required=own.trials.runner.launch_time is not None or end.required)
     predictable = own.trials.end == own.trials.runner.end  # then so are its neighbours
     tried = ((partial(case, mechanism, until, predictable), made) for mechanism, made in islice(source, _DRAWS * count))
     for neighbour, changes in islice(_moving(tried), count):
@@ -113,9 +115,9 @@ def _moving(tried: Iterable[tuple[Callable[[], Case], dict[str, float]]]) -> Ite
             continue  # its motion has not the same end, or cannot be solved
 
 
-def _words(model: str | Mechanism, parameters: Spec | None) -> tuple[str, ...]:
-    if isinstance(model, Mechanism):
-        return ("--model", f"{model.name}.json")
+def _words(model: str | Mechanism | Problem, parameters: Spec | None) -> tuple[str, ...]:
+    if not isinstance(model, str):
+        return ("--model", f"{model.mechanism.name if isinstance(model, Problem) else model.name}.json")
     defaults = parameters_type(model)()
     base, own = defaults.model_dump(), (parameters or defaults).model_dump()
     changed = (f"{name}={value!r}" for name, value in own.items() if value != base[name])

@@ -10,9 +10,9 @@ from typing import Any
 from ...engines.protocol import Engine
 from ...engines.registry import engine, engine_class, engine_names, refuse_reserved
 from ...models.errors import InputError
-from ...models.machines.registry import model
+from ...models.machines.registry import library_problem, model
 from ...models.mechanism import Mechanism
-from ...models.problem import StopLaw
+from ...models.problem import Problem, StopLaw
 from ...models.spec import Spec
 from .runner import Worker
 from .store import Store
@@ -34,8 +34,9 @@ class Study:
         InputError: a name or a value is not valid, or a list is empty.
     """
 
-    models: Iterable[str | Mechanism] = ("fixed", "rolling")
-    """Names of machines, or mechanisms; of several with one name the last is taken."""
+    models: Iterable[str | Mechanism | Problem] = ("fixed", "rolling")
+    """Names of machines or of the library's problems, mechanisms, or problems; of several with one name the last is
+    taken. A problem brings its own end of the motion and its own law of the stops."""
     engines: Iterable[str] | None = None
     """Names; None: every known engine. Those not installed become rows that say so."""
     presets: Iterable[str] = PRESETS
@@ -43,9 +44,11 @@ class Study:
     """Of the named machines; None: their defaults."""
     options: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """Of every engine, over its preset's; `timestep` [s] among them."""
-    stop_law: StopLaw | str = StopLaw.RELEASE_ONCE
+    stop_law: StopLaw | str | None = None
+    """None: a problem's own; of what is no problem, release-once."""
     until: str | float | None = None
-    """End of the compared motion, as :meth:`.until.Until.of` reads it; None: the launch, if there is one."""
+    """End of the compared motion, as :meth:`.until.Until.of` reads it; None: a problem's own end; of what is no problem
+    the launch, if there is one."""
     tolerances: Mapping[str, float | str] | None = None
     """Needs by quantity, as :meth:`.tolerances.Needs.of` reads them."""
     store: Store | None = None
@@ -76,18 +79,28 @@ class Study:
             engine_class(name)
         self.needs.refuse_unknown_subjects(self.mechanisms)
 
+    def law_of(self, mechanism: Mechanism) -> StopLaw:
+        """The law of a mechanism's stops: the one asked for, else its problem's, else release-once."""
+        problem = self._problems.get(mechanism.name)
+        return problem.stop_law if problem is not None and self.stop_law is None else self.law
+
+    def end_of(self, mechanism: Mechanism) -> Until:
+        """End of a mechanism's compared motion: the one asked for, else its problem's, else the launch."""
+        problem = self._problems.get(mechanism.name)
+        return Until.of(problem.duration) if problem is not None and self.until is None else self.end
+
     @cached_property
     def law(self) -> StopLaw:
-        """The law of the stops."""
+        """The law of the stops of what is no problem with its own."""
         try:
-            return StopLaw(self.stop_law)
+            return StopLaw(self.stop_law or StopLaw.RELEASE_ONCE)
         except ValueError:
             valid = ", ".join(law.value for law in StopLaw)
             raise InputError(f"stop_law = {self.stop_law!r} is unknown; there are: {valid}.") from None
 
     @cached_property
     def end(self) -> Until:
-        """End of the compared motion."""
+        """End of the compared motion of what is no problem with its own."""
         return Until.of(self.until)
 
     @cached_property
@@ -98,8 +111,21 @@ class Study:
     @cached_property
     def mechanisms(self) -> tuple[Mechanism, ...]:
         """Each name once."""
-        mechanisms = [model(m, self.parameters) if isinstance(m, str) else m for m in self.models]
-        return tuple({mechanism.name: mechanism for mechanism in mechanisms}.values())
+        return tuple({run.name: run for run in map(_mechanism_of, self._given)}.values())
+
+    @cached_property
+    def _given(self) -> tuple[Mechanism | Problem, ...]:
+        """The models, names resolved."""
+        return tuple(
+            library_problem(m, self.parameters) or model(m, self.parameters) if isinstance(m, str) else m
+            for m in self.models
+        )
+
+    @cached_property
+    def _problems(self) -> Mapping[str, Problem]:
+        """By the mechanism's name."""
+        last = {_mechanism_of(given).name: given for given in self._given}
+        return {name: given for name, given in last.items() if isinstance(given, Problem)}
 
     @property
     def every_engine(self) -> tuple[str, ...]:
@@ -143,6 +169,10 @@ def one_end(duration: float | None, until: str | float | None) -> str | float | 
     if duration is not None and until is not None:
         raise InputError(f"duration = {duration!r} s and until = {until!r} both name the end; leave one of them out.")
     return until if duration is None else duration
+
+
+def _mechanism_of(given: Mechanism | Problem) -> Mechanism:
+    return given.mechanism if isinstance(given, Problem) else given
 
 
 def _unique(names: Iterable[Any]) -> list[Any]:

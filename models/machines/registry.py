@@ -1,4 +1,4 @@
-"""Machines by name."""
+"""Machines and problems of the library by name."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any
 
 from ..errors import InputError
 from ..mechanism import Mechanism
+from ..problem import Problem
+from ..problems.registry import benchmarks, find_benchmark
 from ..spec import Spec
 from .catapult import CatapultParameters, catapult
 from .floating_arm import FloatingArmParameters, floating_arm
@@ -45,39 +47,59 @@ _MODELS = {
 
 
 def models() -> dict[str, str]:
-    """Names and one-line descriptions of the machines."""
+    """Names and one-line descriptions of the machines, without the problems of the library."""
     return {name: entry.text for name, entry in _MODELS.items()}
 
 
 def parameters_type(name: str) -> type[Spec]:
-    """The class of a named machine's parameters.
+    """The class of the parameters of a named machine or problem.
 
     Raises:
-        InputError: no machine has that name; the sentence lists the names there are.
+        InputError: nothing has that name; the sentence lists the names there are.
     """
     return _entry(name).parameters
 
 
 def model(name: str, parameters: Spec | None = None) -> Mechanism:
-    """A named machine.
+    """A named machine, or the mechanism of a problem of the library.
 
     Args:
+        name: of a machine; name or number of a problem.
         parameters: of the class that :func:`parameters_type` says; its defaults where left out.
 
     Raises:
-        InputError: no machine has that name, or its parameters are of another class.
+        InputError: nothing has that name, or its parameters are of another class.
     """
-    entry = _entry(name)
+    return _entry(name, parameters).build(parameters)
+
+
+def library_problem(name: str, parameters: Spec | None = None) -> Problem | None:
+    """The run that a problem of the library asks for; None for a machine, of which any run may be made.
+
+    Raises:
+        InputError: as :func:`model`.
+    """
+    _entry(name, parameters)
+    found = find_benchmark(name)
+    return None if found is None else found.problem(parameters)
+
+
+def _entry(name: str, parameters: Spec | None = None) -> _Model:
+    entry = _MODELS.get(name) or _of_library(name)
+    if entry is None:
+        close = get_close_matches(name, (*_MODELS, *(known.name for known in benchmarks())), n=1)
+        hint = f" (did you mean {close[0]!r}?)" if close else ""
+        known = f"{', '.join(_MODELS)}, and the problems that `trebucheck problems` lists"
+        raise InputError(f"there is no model {name!r}{hint}; there are: {known}.")
     if parameters is not None and not isinstance(parameters, entry.parameters):
         raise InputError(
             f"model {name!r} is built from {entry.parameters.__name__}, not from {type(parameters).__name__}."
         )
-    return entry.build(parameters)
+    return entry
 
 
-def _entry(name: str) -> _Model:
-    if name not in _MODELS:
-        close = get_close_matches(name, _MODELS, n=1)
-        hint = f" (did you mean {close[0]!r}?)" if close else ""
-        raise InputError(f"there is no model {name!r}{hint}; there are: {', '.join(_MODELS)}.")
-    return _MODELS[name]
+def _of_library(name: str) -> _Model | None:
+    found = find_benchmark(name)
+    if found is None:
+        return None
+    return _Model(lambda given: found.problem(given).mechanism, found.parameters, found.text)

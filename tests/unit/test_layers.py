@@ -19,6 +19,7 @@ FRONT = [ROOT / "__init__.py", ROOT / "__main__.py", ROOT / "version.py"]
 
 RANKS: tuple[tuple[str, ...], ...] = (
     ("models",),
+    ("models/problems",),
     ("models/machines", "models/mjcf"),
     ("reference", "engines"),
     ("reference/taylor", "reference/throw", "engines/mujoco", "engines/pymunk", "engines/exudyn"),
@@ -31,6 +32,7 @@ RANKS: tuple[tuple[str, ...], ...] = (
         "comparisons/compare",
         "comparisons/converge",
         "comparisons/explain",
+        "comparisons/problems",
         "comparisons/recommend",
         "comparisons/throw",
     ),

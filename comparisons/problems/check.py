@@ -1,0 +1,84 @@
+"""A problem's figures as the reference has them, and its source's conditions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from ...models.problems.benchmark import Benchmark, Condition, Figure, Motion
+from ...models.spec import Spec
+from ...reference.solver import solve
+
+
+@dataclass(frozen=True)
+class CheckedFigure:
+    """A figure beside what a motion has."""
+
+    figure: Figure
+    measured: float
+
+    @property
+    def error(self) -> float:
+        """In the figure's unit."""
+        return abs(self.measured - self.figure.value)
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is within the figure's tolerance."""
+        return self.error <= self.figure.tolerance
+
+
+@dataclass(frozen=True)
+class CheckedCondition:
+    """A condition of the source beside a motion's error."""
+
+    condition: Condition
+    error: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the source takes the motion as correct."""
+        return self.error <= self.condition.limit
+
+
+@dataclass(frozen=True)
+class Check:
+    """A benchmark's motion held against what is known of it.
+
+    Args:
+        parameters: of the benchmark's own type.
+        motion: of its problem.
+    """
+
+    benchmark: Benchmark
+    parameters: Spec
+    motion: Motion
+
+    @cached_property
+    def figures(self) -> tuple[CheckedFigure, ...]:
+        """Of the parameters, beside the motion's."""
+        return tuple(CheckedFigure(each, each.read(self.motion)) for each in self.benchmark.figures(self.parameters))
+
+    @cached_property
+    def conditions(self) -> tuple[CheckedCondition, ...]:
+        """Of the source, beside the motion's errors."""
+        conditions = self.benchmark.conditions(self.parameters)
+        return tuple(CheckedCondition(each, each.error(self.motion)) for each in conditions)
+
+    @property
+    def holds(self) -> bool:
+        """Whether all figures and conditions do."""
+        return all(each.holds for each in (*self.figures, *self.conditions))
+
+
+def check(benchmark: Benchmark, parameters: Spec | None = None) -> Check:
+    """Solve a benchmark by the reference and hold it against its figures.
+
+    Args:
+        parameters: of the benchmark's own type; the published ones where left out.
+
+    Raises:
+        SimulationError: the reference cannot solve it, or its motion lacks what a figure is read from.
+    """
+    given = parameters or benchmark.parameters()
+    return Check(benchmark, given, solve(benchmark.problem(given)))

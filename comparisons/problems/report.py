@@ -1,0 +1,74 @@
+"""The problem library as documents: the list, and one problem with its figures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from ...models.problems.benchmark import Benchmark
+from ...models.spec import Spec
+from ..report.document import Block, Cell, Document, Heading, Row, Text, mark_of, row, table, words
+from ..report.numbers import format_number
+from .check import Check, CheckedFigure
+
+_TITLES = "figure | unit | expected | reference | error | tolerance | basis"
+
+
+def listing(benchmarks: Iterable[Benchmark]) -> Document:
+    """Number, name, tags, a line and the source of each."""
+    heads = [words("no.", wrap=False), words("name", wrap=False), *map(words, ("tags", "problem", "source"))]
+    rows = [(each.number, each.name, ", ".join(each.tags), each.text, each.source) for each in benchmarks]
+    return Document("Problems", (table(heads, rows),))
+
+
+def document(check: Check) -> Document:
+    """One problem: what it is, its parameters, its figures beside the reference's, and its source's conditions."""
+    return Document(f"{check.benchmark.number} {check.benchmark.name}", tuple(_blocks(check)))
+
+
+def library(checks: Iterable[Check | tuple[Benchmark, str]]) -> Document:
+    """All problems with their figures; of one that could not be solved the benchmark, and why."""
+    blocks: list[Block] = []
+    for each in checks:
+        benchmark = each.benchmark if isinstance(each, Check) else each[0]
+        blocks.append(Heading(f"{benchmark.number} {benchmark.name}", 2, medium="any"))
+        blocks += _blocks(each) if isinstance(each, Check) else [*_description(benchmark), Text(each[1], "warning")]
+    return Document("Problems", tuple(blocks))
+
+
+def _blocks(check: Check) -> list[Block]:
+    conditions = [
+        row(each.condition.text, each.condition.unit, format_number(each.condition.limit),
+            Cell(format_number(each.error), mark_of(each.holds)))
+        for each in check.conditions
+    ]  # fmt: skip
+    return [
+        *_description(check.benchmark),
+        table("parameter | value | meaning", _parameters(check.parameters)),
+        table(_TITLES, [_row(each) for each in check.figures]),
+        table("condition of the source | unit | largest allowed | error of the reference", conditions),
+    ]
+
+
+def _description(benchmark: Benchmark) -> list[Block]:
+    text = benchmark.text[:1].upper() + benchmark.text[1:]
+    tags = ", ".join(benchmark.tags)
+    law = f"stops: {benchmark.stop_law.value}"
+    return [Text(f"{text}."), Text(benchmark.source, lead="Source:"), Text(f"{tags}; {law}.", lead="Tags:")]
+
+
+def _parameters(parameters: Spec) -> list[tuple[str, object, str]]:
+    described = type(parameters).model_fields
+    return [(name, value, described[name].description or "") for name, value in parameters.model_dump().items()]
+
+
+def _row(each: CheckedFigure) -> Row:
+    figure = each.figure
+    return row(
+        figure.name,
+        figure.unit,
+        f"{figure.value:.15g}",
+        f"{each.measured:.15g}",
+        Cell(format_number(each.error), mark_of(each.holds)),
+        format_number(figure.tolerance),
+        figure.basis,
+    )

@@ -1,0 +1,344 @@
+"""Linkages of one degree of freedom: loops of pins and slots, some of them redundant or with singular positions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from pydantic import Field
+
+from ..arrays import FloatArray
+from ..mechanism import GROUND, Body, Marker, Mechanism, PinJoint, SlotJoint
+from ..spec import Positive, Real, Spec
+from . import pendulum_motion
+from .benchmark import Benchmark, Condition, Figure, Motion
+from .readings import at, coordinate, crossing, energy_error, largest_error, marker_error, period
+from .single_freedom import time_between
+
+UPRIGHT, LOWEST = -math.pi / 2, math.pi / 2  # [rad] angles of a link that points up or down
+_SUITE = "M. Gonzalez et al., MBS benchmark library (Univ. of A Coruna, 2005)"
+
+
+class FourBarParameters(Spec):
+    """N windows of equal uniform links: N + 1 upright cranks and N level couplers.
+
+    Raises:
+        InputError: a length, mass, speed or gravity is not positive and finite, or N is not an integer from 1 to 100.
+    """
+
+    N: int = Field(default=1, ge=1, le=100, description="number of windows")
+    length: Positive = Field(default=1.0, description="of each link [m]")
+    mass: Positive = Field(default=1.0, description="of each link [kg]")
+    g: Positive = Field(default=9.81, description="gravity [m/s^2]")
+    speed: Positive = Field(
+        default=1.0, description="of B0, the first crank's upper end, towards +x at the start [m/s]"
+    )
+
+    @property
+    def omega(self) -> float:
+        """Of small swings about the lowest position [rad/s]: all cranks turn as one, the couplers do not turn."""
+        moment, inertia = (self.N + 1) / 2 + self.N, (self.N + 1) / 3 + self.N
+        return math.sqrt(moment * self.g / (inertia * self.length))
+
+    @property
+    def turning(self) -> float:
+        """Of the cranks at the start [rad/s]."""
+        return self.speed / self.length
+
+
+class ThreeCranksParameters(Spec):
+    """A beam on three equal parallel cranks, of which one is redundant, let go from rest.
+
+    Raises:
+        InputError: a length, mass or gravity is not positive and finite, or the amplitude is not below 80 degrees.
+    """
+
+    length: Positive = Field(default=1.0, description="of each crank, a uniform rod [m]")
+    spacing: Positive = Field(default=0.8, description="between neighbouring cranks [m]")
+    crank: Positive = Field(default=1.0, description="mass of each crank [kg]")
+    beam: Positive = Field(default=3.0, description="mass of the beam [kg]")
+    g: Positive = Field(default=9.81, description="gravity [m/s^2]")
+    amplitude: Real = Field(default=1.0, gt=0, le=1.4, description="start, from the lowest position [rad]")
+
+    @property
+    def omega(self) -> float:
+        """Of small swings [rad/s]."""
+        return math.sqrt((1.5 * self.crank + self.beam) * self.g / ((self.crank + self.beam) * self.length))
+
+
+class SliderCrankParameters(Spec):
+    """A uniform crank, a uniform rod, and a slider without size on a level line through the crank's pivot.
+
+    Raises:
+        InputError: a length, mass, speed or gravity is not positive and finite.
+    """
+
+    crank: Positive = Field(default=1.0, description="length of the crank [m]")
+    rod: Positive = Field(default=2.0, description="length of the rod, more than the crank's [m]")
+    m_crank: Positive = Field(default=1.0, description="[kg]")
+    m_rod: Positive = Field(default=2.0, description="[kg]")
+    m_slider: Positive = Field(default=1.0, description="[kg]")
+    g: Positive = Field(default=9.81, description="gravity [m/s^2]")
+    speed: Positive = Field(default=8.0, description="of the crank at the start, stretched out [rad/s]")
+
+    @property
+    def is_singular(self) -> bool:
+        """Whether the slider passes the pivot."""
+        return self.rod == self.crank
+
+    def rod_angle(self, a: float) -> tuple[float, float]:
+        """The rod's angle [rad] at the crank's, and its derivative; with equal lengths that of the mirrored branch."""
+        if self.is_singular:
+            return -a, -1.0
+        b = -math.asin(self.crank * math.sin(a) / self.rod)
+        return b, -self.crank * math.cos(a) / (self.rod * math.cos(b))
+
+    def inertia(self, a: float) -> float:
+        """Reduced to the crank's angle [kg m^2]."""
+        b, slope = self.rod_angle(a)
+        r, half = self.crank, self.rod / 2
+        middle = complex(-r * math.sin(a) - half * math.sin(b) * slope, -r * math.cos(a) - half * math.cos(b) * slope)
+        slider = -r * math.sin(a) - self.rod * math.sin(b) * slope
+        turning = self.m_crank * r**2 / 3 + self.m_rod * self.rod**2 / 12 * slope**2
+        return turning + self.m_rod * abs(middle) ** 2 + self.m_slider * slider**2
+
+    def potential(self, a: float) -> float:
+        """Energy of crank and rod, whose centres are half as high as their common pin [J]."""
+        return -(self.m_crank + self.m_rod) * self.g * self.crank / 2 * math.sin(a)
+
+    @property
+    def turn_time(self) -> float:
+        """Of the crank's first turn [s]; it does not turn back."""
+        return time_between(0.0, 2 * math.pi, self.speed, self.inertia, self.potential)
+
+
+class SingularSliderCrankParameters(SliderCrankParameters):
+    """The same with a rod as long as the crank."""
+
+    rod: Positive = Field(default=1.0, description="length of the rod: the crank's [m]")
+
+
+class TrammelParameters(Spec):
+    """A uniform rod whose ends run in a level and in an upright slot, let go from rest.
+
+    Raises:
+        InputError: a length, mass or gravity is not positive and finite, or the start is not a swing.
+    """
+
+    length: Positive = Field(default=2.0, description="of the rod [m]")
+    mass: Positive = Field(default=3.0, description="of the rod [kg]")
+    g: Positive = Field(default=9.81, description="gravity [m/s^2]")
+    amplitude: Real = Field(default=2.5, gt=0, lt=math.pi, description="start, from the lowest position [rad]")
+
+    @property
+    def omega(self) -> float:
+        """Of small swings [rad/s]: the centre moves on a circle of half the length while the rod turns as fast."""
+        return math.sqrt(1.5 * self.g / self.length)
+
+
+def _rod(name: str, angle: str, length: float, mass: float) -> Body:
+    return Body(name=name, angle=angle, mass=mass, centre=(length / 2, 0), inertia=mass * length**2 / 12)
+
+
+def _pin(name: str, parent: str, child: str, at: tuple[float, float], on: tuple[float, float] = (0, 0)) -> PinJoint:
+    return PinJoint(name=name, parent=parent, child=child, parent_point=at, child_point=on)
+
+
+def _four_bars(p: FourBarParameters) -> Mechanism:
+    cranks = tuple(_rod(f"crank {i}", f"a{i}", p.length, p.mass) for i in range(p.N + 1))
+    couplers = tuple(_rod(f"coupler {i}", f"b{i}", p.length, p.mass) for i in range(1, p.N + 1))
+    end = (p.length, 0.0)
+    pivots = tuple(_pin(f"pivot {i}", GROUND, f"crank {i}", (i * p.length, 0)) for i in range(p.N + 1))
+    left = tuple(_pin(f"left {i}", f"crank {i - 1}", f"coupler {i}", end) for i in range(1, p.N + 1))
+    right = tuple(_pin(f"right {i}", f"crank {i}", f"coupler {i}", end, end) for i in range(1, p.N + 1))
+    return Mechanism(
+        name="n-four-bar",
+        bodies=cranks + couplers,
+        joints=pivots + left + right,
+        markers=(Marker(name="B0", body="crank 0", point=end),),
+        gravity=p.g,
+        start=(UPRIGHT,) * (p.N + 1) + (0.0,) * p.N,
+        start_speeds=(p.turning,) * (p.N + 1) + (0.0,) * p.N,
+    )
+
+
+def _four_bar_angle(p: FourBarParameters, t: FloatArray) -> FloatArray:
+    return UPRIGHT + pendulum_motion.turn(p.omega, p.turning, t)
+
+
+def _four_bar_position(p: FourBarParameters, t: FloatArray) -> FloatArray:
+    angle = _four_bar_angle(p, t)
+    return p.length * np.stack([np.cos(angle), -np.sin(angle)], axis=1)
+
+
+def _four_bar_duration(p: FourBarParameters) -> float:
+    """10 s at 1 m and 1 m/s; at least one and a half turns."""
+    return max(10.0 * math.sqrt(p.length * 9.81 / p.g), 1.5 * pendulum_motion.turn_period(p.omega, p.turning))
+
+
+def _four_bar_figures(p: FourBarParameters) -> tuple[Figure, ...]:
+    end, angle = _four_bar_duration(p), coordinate("a0")
+    turn = pendulum_motion.turn_period(p.omega, p.turning)
+
+    def turned(motion: Motion) -> float:
+        return crossing(motion, angle, UPRIGHT + 2 * math.pi, end)
+
+    path = largest_error(angle, lambda t: _four_bar_angle(p, t), end)
+    return (
+        Figure("time of a turn", turn, "s", 1e-9, turned),
+        Figure("largest error of the first crank's angle", 0.0, "rad", 1e-9, path),
+    )
+
+
+def _four_bar_conditions(p: FourBarParameters) -> tuple[Condition, ...]:
+    end = _four_bar_duration(p)
+    error = marker_error("B0", lambda t: _four_bar_position(p, t), end, round(20 * end), 1e-3)
+    return (Condition("relative error of B0's position, RMS, threshold 1e-3 m ('high precision')", 1e-3, "", error),)
+
+
+def _three_cranks(p: ThreeCranksParameters) -> Mechanism:
+    cranks = tuple(_rod(f"crank {i}", f"a{i}", p.length, p.crank) for i in (1, 2, 3))
+    inertia = p.beam * (2 * p.spacing) ** 2 / 12
+    beam = Body(name="beam", angle="b", mass=p.beam, centre=(p.spacing, 0), inertia=inertia)
+    end = (p.length, 0.0)
+    pivots = tuple(_pin(f"pivot {i}", GROUND, f"crank {i}", ((i - 1) * p.spacing, 0)) for i in (1, 2, 3))
+    pins = tuple(_pin(f"pin {i}", f"crank {i}", "beam", end, ((i - 1) * p.spacing, 0)) for i in (1, 2, 3))
+    return Mechanism(
+        name="three-cranks",
+        bodies=(*cranks, beam),
+        joints=pivots + pins,
+        markers=(Marker(name="beam", body="beam", point=beam.centre),),
+        gravity=p.g,
+        start=(LOWEST + p.amplitude,) * 3 + (0.0,),
+    )
+
+
+def _slider_crank(name: str, p: SliderCrankParameters) -> Mechanism:
+    # The slider, a point mass at the rod's end, is part of the rod.
+    mass = p.m_rod + p.m_slider
+    centre = (p.m_rod / 2 + p.m_slider) * p.rod / mass
+    inertia = p.m_rod * (p.rod**2 / 12 + (centre - p.rod / 2) ** 2) + p.m_slider * (p.rod - centre) ** 2
+    rod = Body(name="rod", angle="b", mass=mass, centre=(centre, 0), inertia=inertia)
+    end = (p.rod, 0.0)
+    slot = SlotJoint(name="slot", child="rod", parent_point=(0, 0), child_point=end, axis=(1, 0))
+    return Mechanism(
+        name=name,
+        bodies=(_rod("crank", "a", p.crank, p.m_crank), rod),
+        joints=(_pin("pivot", GROUND, "crank", (0, 0)), _pin("crank pin", "crank", "rod", (p.crank, 0)), slot),
+        markers=(Marker(name="slider", body="rod", point=end),),
+        gravity=p.g,
+        start=(0.0, 0.0),
+        start_speeds=(p.speed, -p.speed * p.crank / p.rod),
+    )
+
+
+def _slider_crank_figures(p: SliderCrankParameters) -> tuple[Figure, ...]:
+    end = _slider_crank_duration(p)
+
+    def turned(motion: Motion) -> float:
+        return crossing(motion, coordinate("a"), 2 * math.pi, end)
+
+    scale = p.inertia(0.0) * p.speed**2
+    return (
+        Figure("time of a turn", p.turn_time, "s", 1e-10 * p.turn_time, turned, "quadrature"),
+        Figure("largest change of the energy", 0.0, "J", 1e-10 * scale, energy_error(end)),
+    )
+
+
+def _slider_crank_duration(p: SliderCrankParameters) -> float:
+    return 3.2 * p.turn_time
+
+
+def _trammel(p: TrammelParameters) -> Mechanism:
+    start = LOWEST + p.amplitude
+    level = SlotJoint(name="level", child="rod", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0), coordinate="x")
+    upright = SlotJoint(name="upright", child="rod", parent_point=(0, 0), child_point=(p.length, 0), axis=(0, 1))
+    return Mechanism(
+        name="trammel",
+        bodies=(_rod("rod", "a", p.length, p.mass),),
+        joints=(level, upright),
+        markers=(Marker(name="pen", body="rod", point=(p.length / 4, 0)),),
+        gravity=p.g,
+        start=(start, -p.length * math.cos(start)),
+    )
+
+
+def _swing_figures(angle: str) -> Callable[[ThreeCranksParameters | TrammelParameters], tuple[Figure, ...]]:
+    """Figures of what moves like a pendulum."""
+
+    def figures(p: ThreeCranksParameters | TrammelParameters) -> tuple[Figure, ...]:
+        exact = pendulum_motion.swing_period(p.omega, p.amplitude)
+        end, quantity = _swing_duration(p), coordinate(angle)
+        path = largest_error(quantity, lambda t: LOWEST + pendulum_motion.swing(p.omega, p.amplitude, t), end)
+        return (
+            Figure("period", exact, "s", 1e-11 * exact, period(quantity, LOWEST, end)),
+            Figure("largest error of the angle", 0.0, "rad", 1e-10, path),
+            Figure("angle at the end", float(LOWEST + pendulum_motion.swing(p.omega, p.amplitude, np.array([end]))[0]),
+                   "rad", 1e-10, at(quantity, end)),
+        )  # fmt: skip
+
+    return figures
+
+
+def _swing_duration(p: ThreeCranksParameters | TrammelParameters) -> float:
+    return 2.5 * pendulum_motion.swing_period(p.omega, p.amplitude)
+
+
+N_FOUR_BAR = Benchmark(
+    number="A02",
+    name="n-four-bar",
+    tags=("loop", "singular", "closed-form", "scalable", "IFToMM"),
+    text="N four-bar linkages in a row that pass their singular positions",
+    source=f"{_SUITE}, problem A02, in the IFToMM library; E. Bayo, A. Avello, Nonlinear Dyn. 5 (1994) 209",
+    parameters=FourBarParameters,
+    build=_four_bars,
+    duration=_four_bar_duration,
+    figures=_four_bar_figures,
+    conditions=_four_bar_conditions,
+)
+THREE_CRANKS = Benchmark(
+    number="C01",
+    name="three-cranks",
+    tags=("loop", "redundant", "closed-form"),
+    text="beam on three parallel cranks, one of them redundant",
+    source="moves as a pendulum; on redundant constraints M. Wojtyra, Multibody Syst. Dyn. 14 (2005) 23",
+    parameters=ThreeCranksParameters,
+    build=_three_cranks,
+    duration=_swing_duration,
+    figures=_swing_figures("a1"),
+)
+SLIDER_CRANK = Benchmark(
+    number="C02",
+    name="slider-crank",
+    tags=("loop", "slot", "quadrature"),
+    text="slider-crank that turns over and over",
+    source="time of a turn by quadrature: E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. III",
+    parameters=SliderCrankParameters,
+    build=lambda p: _slider_crank("slider-crank", p),
+    duration=_slider_crank_duration,
+    figures=_slider_crank_figures,
+)
+SINGULAR_SLIDER_CRANK = Benchmark(
+    number="C03",
+    name="singular-slider-crank",
+    tags=("loop", "slot", "singular", "quadrature"),
+    text="slider-crank with equal links, whose slider passes the crank's pivot",
+    source="E. Bayo, A. Avello, Nonlinear Dyn. 5 (1994) 209, on such positions; time of a turn by quadrature",
+    parameters=SingularSliderCrankParameters,
+    build=lambda p: _slider_crank("singular-slider-crank", p),
+    duration=_slider_crank_duration,
+    figures=_slider_crank_figures,
+)
+TRAMMEL = Benchmark(
+    number="C04",
+    name="trammel",
+    tags=("loop", "slot", "closed-form"),
+    text="elliptic trammel: a rod whose ends run in two crossing slots",
+    source="moves as a pendulum: E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. IV",
+    parameters=TrammelParameters,
+    build=_trammel,
+    duration=_swing_duration,
+    figures=_swing_figures("a"),
+)
+LINKAGES = (N_FOUR_BAR, THREE_CRANKS, SLIDER_CRANK, SINGULAR_SLIDER_CRANK, TRAMMEL)

@@ -1,0 +1,52 @@
+"""Closed forms of a pendulum's motion, by Jacobi's elliptic functions.
+
+With psi the angle from the lowest position and omega^2 = (mass times centre's distance times gravity) / (inertia about
+the pivot), psi'' = -omega^2 sin psi. E.g. Whittaker, Analytical Dynamics (1937), Ch. IV. What moves like a pendulum (a
+trammel, a parallelogram's cranks) has the same.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.special import ellipj, ellipkm1
+
+from ..arrays import FloatArray
+
+
+def swing_period(omega: float, amplitude: float) -> float:
+    """Period of a swing [s].
+
+    Args:
+        omega: of small swings [rad/s].
+        amplitude: from the lowest position, below pi [rad].
+    """
+    return 4.0 * float(ellipkm1(math.cos(amplitude / 2) ** 2)) / omega
+
+
+def swing(omega: float, amplitude: float, t: FloatArray) -> FloatArray:
+    """Angle from the lowest position at times t [s] of a pendulum let go at `amplitude` [rad], shape (n,)."""
+    modulus = math.sin(amplitude / 2)
+    _, cn, dn, _ = ellipj(omega * t, modulus**2)
+    return np.asarray(2.0 * np.arcsin(np.clip(modulus * cn / dn, -1.0, 1.0)), dtype=np.float64)
+
+
+def turn_period(omega: float, top_speed: float) -> float:
+    """Time of a turn of a pendulum that goes over the top [s].
+
+    Args:
+        omega: of small swings [rad/s].
+        top_speed: in the highest position [rad/s].
+    """
+    bottom = math.sqrt(top_speed**2 + 4.0 * omega**2)
+    return 4.0 * float(ellipkm1((top_speed / bottom) ** 2)) / bottom
+
+
+def turn(omega: float, top_speed: float, t: FloatArray) -> FloatArray:
+    """Angle turned since the highest position at times t [s] of a pendulum that goes over the top, shape (n,)."""
+    bottom = math.sqrt(top_speed**2 + 4.0 * omega**2)
+    half = turn_period(omega, top_speed) / 2.0
+    # From the lowest position it is 2 am(bottom t / 2); the quarter period of am is half a turn.
+    _, _, _, amplitude = ellipj(bottom * (t - half) / 2.0, (2.0 * omega / bottom) ** 2)
+    return np.asarray(2.0 * amplitude + math.pi, dtype=np.float64)

@@ -1,0 +1,107 @@
+"""How figures are read from a motion: values at an instant, zero crossings, errors over a time span."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ..arrays import FloatArray
+from ..errors import SimulationError
+from ..trajectory import Trajectory
+from .benchmark import Motion
+
+_GRID = 2000  # samples among which sign changes are looked for
+_SAMPLES = 400  # at which a motion is compared with a closed form
+
+Quantity = Callable[[Trajectory], FloatArray]
+"""Of a trajectory of n samples, shape (n,)."""
+
+
+def coordinate(name: str) -> Quantity:
+    """A coordinate [rad or m]."""
+    return lambda trajectory: trajectory.q[:, trajectory.mechanism.coordinates.index(name)]
+
+
+def speed(name: str) -> Quantity:
+    """A coordinate's rate [rad/s or m/s]."""
+    return lambda trajectory: trajectory.u[:, trajectory.mechanism.coordinates.index(name)]
+
+
+def at(quantity: Quantity, t: float) -> Callable[[Motion], float]:
+    """A quantity at an instant [s]."""
+    return lambda motion: float(quantity(motion.trajectory(np.array([t])))[0])
+
+
+def crossing(motion: Motion, quantity: Quantity, level: float, until: float, count: int = 1) -> float:
+    """When a quantity passes a level for the n-th time [s].
+
+    Raises:
+        SimulationError: it does not by `until` [s].
+    """
+
+    def distance(t: float) -> float:
+        return float(quantity(motion.trajectory(np.array([t])))[0]) - level
+
+    times = np.linspace(0.0, until, _GRID)
+    values = quantity(motion.trajectory(times)) - level
+    changes = np.flatnonzero((values[:-1] * values[1:] < 0) | (values[1:] == 0))
+    if len(changes) < count:
+        raise SimulationError(
+            f"a level of {level:.6g} is passed {len(changes)} times by t = {until:.6g} s, not {count}."
+        )
+    i = int(changes[count - 1])
+    return float(brentq(distance, times[i], times[i + 1], xtol=1e-15, rtol=1e-15))
+
+
+def period(quantity: Quantity, level: float, until: float) -> Callable[[Motion], float]:
+    """Time between a quantity's first and third passage of a level [s]: a period of an oscillation about it."""
+    return lambda motion: crossing(motion, quantity, level, until, 3) - crossing(motion, quantity, level, until)
+
+
+def largest_error(
+    quantity: Quantity, exact: Callable[[FloatArray], FloatArray], until: float
+) -> Callable[[Motion], float]:
+    """Largest difference of a quantity from a closed form over [0, until] s.
+
+    Args:
+        exact: of times [s], shape (n,), the quantity, shape (n,).
+    """
+
+    def read(motion: Motion) -> float:
+        times = np.linspace(0.0, until, _SAMPLES)
+        return float(np.abs(quantity(motion.trajectory(times)) - exact(times)).max())
+
+    return read
+
+
+def energy_error(until: float) -> Callable[[Motion], float]:
+    """Largest change of the total energy of a conservative motion over [0, until] s [J]."""
+
+    def read(motion: Motion) -> float:
+        energy = motion.trajectory(np.linspace(0.0, until, _SAMPLES)).total_energy
+        return float(np.abs(energy - energy[0]).max())
+
+    return read
+
+
+def marker_error(
+    name: str, exact: Callable[[FloatArray], FloatArray], until: float, samples: int, threshold: float
+) -> Callable[[Motion], float]:
+    """Root mean square of a marker's relative position error, as the MBS benchmark suite has it.
+
+    Each component is divided by its reference value, or by the threshold where that is larger.
+
+    Args:
+        exact: of times [s], shape (n,), positions, shape (n, 2) [m].
+        threshold: least divisor [m].
+    """
+
+    def read(motion: Motion) -> float:
+        times = np.linspace(0.0, until, samples + 1)[1:]
+        reference = exact(times)
+        errors = (motion.trajectory(times).marker(name).position - reference) / np.maximum(abs(reference), threshold)
+        return float(np.sqrt(np.mean(errors**2)))
+
+    return read

@@ -1,0 +1,139 @@
+"""The problem library: published and closed-form figures against the reference; the library wherever a machine is."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from trebucheck.comparisons.problems.check import Check, check
+from trebucheck.models.problems.pendulum_motion import swing, swing_period, turn, turn_period
+from trebucheck.models.problems.pendulums import HIGH_PENDULUM
+from trebucheck.models.problems.registry import benchmark, benchmarks
+from trebucheck.reference.taylor.solve import solve_taylor
+
+_SLOW = {"chain"}
+_PASSES_SINGULAR_POSITIONS = {"n-four-bar", "singular-slider-crank"}
+_SOLVED = [
+    pytest.param(entry.name, marks=[pytest.mark.slow] if entry.name in _SLOW else [])
+    for entry in benchmarks()
+    if entry.name not in _PASSES_SINGULAR_POSITIONS
+]
+
+OTHERS = [
+    ("pendulum", {"length": 0.3, "g": 1.62, "amplitude": 2.9}),
+    ("double-pendulum", {"length": 0.2, "start": -1.2}),
+    ("chain", {"N": 3, "length": 2.0, "g": 3.7}),
+    ("hanging-chain", {"N": 12, "length": 0.05, "amplitude": 2e-4}),
+    ("three-cranks", {"length": 0.4, "spacing": 0.1, "beam": 20.0, "amplitude": 1.3}),
+    ("slider-crank", {"crank": 0.05, "rod": 0.17, "m_slider": 0.4, "speed": 90.0}),
+    ("trammel", {"length": 0.3, "amplitude": 3.0}),
+    ("stopped-pendulum", {"opening": 0.2, "swing": 2.0, "restitution": 1.0}),
+]
+"""Parameters that are not the published ones: closed forms hold for all."""
+
+
+def _refuse_what_fails(checked: Check) -> None:
+    missed = [(each.figure.name, each.measured, each.figure.value) for each in checked.figures if not each.holds]
+    assert not missed
+    # Every condition of a source is met by a factor of a hundred.
+    assert all(each.error <= each.condition.limit / 100 for each in checked.conditions)
+
+
+@pytest.mark.parametrize("name", _SOLVED)
+def test_every_figure_is_met(name: str) -> None:
+    checked = check(benchmark(name))
+    assert checked.figures
+    _refuse_what_fails(checked)
+
+
+@pytest.mark.parametrize(("name", "changes"), OTHERS, ids=[name for name, _ in OTHERS])
+def test_figures_hold_for_other_parameters(name: str, changes: dict[str, float]) -> None:
+    entry = benchmark(name)
+    _refuse_what_fails(check(entry, entry.parameters(**changes)))
+
+
+def test_a_wrong_figure_is_seen() -> None:
+    """A pendulum shorter by a part in 1e11 has a period that is shorter by five parts in 1e12."""
+    entry = benchmark("pendulum")
+    shorter = entry.parameters(length=1.0 - 1e-11)
+    figures = Check(entry, shorter, check(entry).motion).figures
+    assert [each.holds for each in figures] == [False, False]
+
+
+def test_the_period_close_to_the_highest_position_by_taylor_series() -> None:
+    parameters = HIGH_PENDULUM.parameters()
+    period = HIGH_PENDULUM.figures(parameters)[0]
+    for precision in ("double", "extended"):
+        motion = solve_taylor(HIGH_PENDULUM.problem(parameters), precision=precision)
+        assert period.read(motion) == pytest.approx(period.value, abs=1e-12)
+
+
+def test_closed_forms_in_forty_digits() -> None:
+    mpmath = pytest.importorskip("mpmath")
+    with mpmath.workdps(40):
+        for omega, amplitude in ((3.1, 0.2), (0.7, 2.0), (3.1320919526731650, math.radians(179.9))):
+            m = mpmath.sin(mpmath.mpf(amplitude) / 2) ** 2
+            assert swing_period(omega, amplitude) == pytest.approx(float(4 * mpmath.ellipk(m) / omega), rel=3e-15)
+            for t in (0.1, 1.0, 4.0):
+                ratio = mpmath.ellipfun("cd", omega * mpmath.mpf(t), m=m)
+                exact = 2 * mpmath.asin(mpmath.sqrt(m) * ratio)
+                assert swing(omega, amplitude, np.array([t]))[0] == pytest.approx(float(exact), abs=2e-13)
+        for omega, speed in ((4.2, 1.0), (1.0, 7.0)):
+            bottom = mpmath.sqrt(mpmath.mpf(speed) ** 2 + 4 * mpmath.mpf(omega) ** 2)
+            m = (2 * omega / bottom) ** 2
+            exact = 4 * mpmath.ellipk(m) / bottom
+            assert turn_period(omega, speed) == pytest.approx(float(exact), rel=3e-15)
+            for t in (0.2, 1.7, 9.0):
+                # From the lowest position the angle is twice Jacobi's amplitude, the inverse of an elliptic integral.
+                angle = mpmath.mpf(float(turn(omega, speed, np.array([t]))[0])) - mpmath.pi
+                since = 2 * mpmath.ellipf(angle / 2, m) / bottom
+                assert float(since + exact / 2) == pytest.approx(t, abs=1e-13)
+
+
+def test_names_numbers_and_tags() -> None:
+    entries = benchmarks()
+    assert len({entry.number for entry in entries}) == len({entry.name for entry in entries}) == len(entries)
+    assert [entry.number for entry in entries] == sorted(entry.number for entry in entries)
+    for entry in entries:
+        assert benchmark(entry.number) is entry
+        assert tb.model(entry.name).name == entry.name
+        assert entry.problem().mechanism.name == entry.name
+        assert entry.source
+        assert entry.text
+    assert {entry.name for entry in benchmarks("redundant")} == {"three-cranks"}
+    with pytest.raises(tb.InputError, match="no problem has the tag 'lop'"):
+        benchmarks("lop")
+    with pytest.raises(tb.InputError, match=r"no problem 'tramel' \(did you mean 'trammel'\?\)"):
+        benchmark("tramel")
+
+
+def test_a_problem_brings_its_own_end_and_law() -> None:
+    comparison = tb.compare(["stopped-pendulum", "pendulum"], engines=["reference"], presets=["tuned"], isolate=False)
+    stopped, pendulum = comparison.results.machines
+    assert stopped.compared_to == pytest.approx(benchmark("stopped-pendulum").problem().duration)
+    assert pendulum.compared_to == 10.0
+    assert stopped.impacts > 0
+    (stopped,) = tb.compare(
+        ["D02"], engines=["reference"], presets=["tuned"], isolate=False, until=1.0, stop_law="release-once"
+    ).results.machines
+    assert stopped.compared_to == 1.0
+    assert stopped.impacts == 0
+
+
+def test_a_problem_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
+    from trebucheck.cli.app import main
+
+    assert main(["problems", "--tag", "slot"]) == 0
+    listed = capsys.readouterr().out
+    assert "trammel" in listed
+    assert "double-pendulum" not in listed
+    assert main(["problems", "pendulum", "--set", "length=2"]) == 0
+    assert "3.3486341958" in capsys.readouterr().out
+    assert main(["models", "show", "chain", "--set", "N=3"]) == 0
+    assert tb.Mechanism.from_json(capsys.readouterr().out).coordinates == ("a1", "a2", "a3")
+    assert main(["models", "show", "chain", "--set", "N=2.5"]) == 2
+    assert "N = 2.5" in capsys.readouterr().err
+    assert main(["models", "show", "chain", "--beam", "14"]) == 2
+    assert "have no l1 and l2" in capsys.readouterr().err
