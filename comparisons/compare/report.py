@@ -13,7 +13,7 @@ from ...reference.certification.certificate import load_certificate
 from ..report import document as doc
 from ..report.document import Block, Cell, Column, Document, Heading, Mark, Note, Table, Text, mark_of, page_only, table
 from ..report.numbers import format_number, format_step
-from ..report.sections import certified_figures, predictable, provenance
+from ..report.sections import certified_figures, partings, predictable, provenance
 from ..runs.results import COMPARED, Cause, Diagnosis, Equality, Machine, Metric, Outcome, Pair, Results, Run
 from . import plots
 from .study import Comparison
@@ -252,6 +252,7 @@ def _chapter(comparison: Comparison, machine: Machine) -> list[Block]:
         table(_EQUIVALENCE_COLUMNS, [run for run in runs if run.equality], _EQUIVALENCE_CAPTION, "page"),
         Heading("Agreement with the reference"),
         _agreement(machine, runs),
+        *partings(machine, runs),
         Note(_COLUMNS),
         *(_pairs(pairs) if pairs else ()),
         *plots.figures(comparison, machine),

@@ -9,9 +9,9 @@ import numpy as np
 from ...models.mechanism import Mechanism
 from ...models.trajectory import Trajectory
 from ...reference.certification.certificate import Certificate, Figure
-from ..runs.results import Machine, ResultFile
+from ..runs.results import Machine, Metric, ResultFile, Run
 from .document import Block, Code, Document, Fold, Heading, Listing, Note, Table, Text, table
-from .numbers import format_settings
+from .numbers import format_number, format_settings
 
 Settings = tuple[str, str, str, Mapping[str, object]]
 """Machine, engine (and what else names the run), version, and settings."""
@@ -22,6 +22,7 @@ _HORIZON = (
     "and any two integrators differ"
 )
 """What is so beyond the predictability horizon."""
+_BEYOND = "beyond it only invariants and the time of first parting are judged"
 
 
 def compared_time(launch_time: float | None, compared_to: float | None, judged_to: float | None) -> str:
@@ -44,7 +45,7 @@ def predictable(machine: Machine) -> str:
     """The predictability horizon, and how the stretching comes to it."""
     text = f"Predictable to the end, {machine.compared_to:.6g} s."
     if machine.judged_to < machine.compared_to:
-        text = f"Predictable until {machine.judged_to:.6g} s; beyond it only invariants are judged: {_HORIZON}."
+        text = f"Predictable until {machine.judged_to:.6g} s; {_BEYOND}: {_HORIZON}."
     found = machine.predictability
     if found is None:
         return text
@@ -55,6 +56,20 @@ def predictable(machine: Machine) -> str:
 
 def _factor(stretched: float | None) -> str:
     return "without limit" if stretched is None else f"{stretched:.2g} times"
+
+
+def partings(machine: Machine, runs: Iterable[Run]) -> Iterator[Text]:
+    """When each run's motion leaves the reference, where that is compared further than it can be predicted."""
+    if machine.judged_to < machine.compared_to:
+        found = [(run.label, run.metric("first_parting"), run.metric("base_error")) for run in runs]
+        times = (f"{label} {_parting(time, error)}" for label, time, error in found if time and error)
+        yield Text(f"First parting from the reference, by a thousandth of a scale: {', '.join(times) or 'none'}.")
+
+
+def _parting(time: Metric, base_error: Metric) -> str:
+    if time.value is None:
+        return "not by the end"
+    return f"at {time.value:.4g} s (base error {format_number(base_error.value)})"
 
 
 def provenance(

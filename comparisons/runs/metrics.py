@@ -23,8 +23,10 @@ from ...models.mechanism import GROUND, SlotJoint
 from ...models.problem import StopLaw
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
+from .parting import parting
 from .results import Metric
 from .scales import Scales, scales_until
+from .stretching import Stretching
 
 _RELEASE_GUARD = 1.5  # steps around an event within which a sample may fall on its other side
 _COUNTED_IMPACTS = 10  # of each stop: the first ones; further ones pile up in a shorter and shorter time
@@ -48,6 +50,8 @@ class Comparison:
     known_scales: Scales | None = None
     invariants_to: float | None = None
     """End of what invariants are compared over [s]; None: the same."""
+    stretching: Stretching | None = None
+    """Of the reference motion to that end, where it is known."""
 
     @property
     def t(self) -> FloatArray:
@@ -115,6 +119,7 @@ def measure(
     scales: Scales | None = None,
     thrown: str = THROWN,
     invariants_to: float | None = None,
+    stretching: Stretching | None = None,
 ) -> tuple[Metric, ...]:
     """Every metric; of what the engine does not observe one that says so.
 
@@ -124,9 +129,10 @@ def measure(
         scales: of the reference motion up to the end, where they are known already.
         thrown: marker whose launch is measured.
         invariants_to: end of what invariants are compared over [s], where the motion cannot be predicted so long.
+        stretching: of the reference motion to that end, for the time of first parting.
     """
     reference = reference or solution.trajectory(trajectory.t)
-    c = Comparison(trajectory, reference, solution, end, trajectory.t <= end, thrown, scales, invariants_to)
+    c = Comparison(trajectory, reference, solution, end, trajectory.t <= end, thrown, scales, invariants_to, stretching)
     return tuple(metric for part in _PARTS for metric in part(c))
 
 
@@ -338,6 +344,12 @@ def _complementarity(c: Comparison) -> Iterator[Metric]:
             yield Metric(name="complementarity", subject=name, value=product, unit=unit)
 
 
+def _parting(c: Comparison) -> Iterator[Metric]:
+    if c.stretching is not None:
+        angles = c.solution.equations.kinematics.is_angle > 0
+        yield from parting(c.trajectory, c.reference, angles, c.scales, c.stretching)
+
+
 def _missing_time(c: Comparison) -> Iterator[Metric]:
     """How much of the compared time has no samples: before a late start, after an early end, in long intervals."""
     end = c.lasting.end
@@ -349,4 +361,5 @@ def _missing_time(c: Comparison) -> Iterator[Metric]:
 
 _PARTS = (
     _missing_time, _positions, _coordinates, _launch, _releases, _impacts, _torques, _reactions, _energy, _constraints,
+    _parting,
 )  # fmt: skip

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from ...models.errors import InputError
 from ...models.mechanism import Mechanism
 from .scales import Scales
+from .stretching import LIMIT
 
 _NUMBER = 1.0
 
@@ -25,7 +26,8 @@ class Quantity:
     title: str
     """What users call it, in `--tolerance` as well."""
     scale: str
-    """Field of :class:`Scales`; 'stop' for that of the stop it is about, 'gap' for its gap's, '' for none."""
+    """Field of :class:`Scales`; 'stop' for that of the stop it is about, 'gap' for its gap's, 'base error' for what the
+    stretching at the predictability horizon makes one of, '' for none."""
     follows: str | None = None
     """Metric from which it follows, and which is judged in its place."""
     invariant: bool = False
@@ -57,6 +59,8 @@ class Quantity:
             return scales.angle if mechanism.stop(subject).gap_unit == "rad" else scales.length
         if self.scale == "momentum":
             return scales.mass * scales.speed
+        if self.scale == "base error":
+            return 1.0 / LIMIT
         return float(getattr(scales, self.scale)) if self.scale else _NUMBER
 
 
@@ -87,6 +91,8 @@ _ALL = (
     Quantity("stop_penetration", "penetration", "gap", of="stop"),
     Quantity("complementarity", "complementarity", "gap", follows="stop_penetration"),
     Quantity("joint_gap_max", "joint-gap", "length", invariant=True, of="joint"),
+    Quantity("base_error", "base-error", "base error"),
+    Quantity("first_parting", "first-parting", "time", follows="base_error"),
     Quantity("missing_time", "duration", "time"),
 )
 

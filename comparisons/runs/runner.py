@@ -277,7 +277,7 @@ class Runner:
         Raises:
             SimulationError: as for :attr:`solution`.
         """
-        given = self.solution, self.judged_to, self.scales, self.until.thrown, self.end
+        given = self.solution, self.judged_to, self.scales, self.until.thrown, self.end, self._stretching
         return self.worker.compute(partial(reference_uncertainties, *given))
 
     @cached_property
@@ -323,7 +323,7 @@ class Runner:
         """Every metric of an engine's run, up to the predictability horizon; invariants up to the end."""
         return measure(
             trajectory, self.solution, self.judged_to, self.reference(trajectory.t),
-            scales=self.scales, thrown=self.until.thrown, invariants_to=self.end,
+            scales=self.scales, thrown=self.until.thrown, invariants_to=self.end, stretching=self._stretching,
         )  # fmt: skip
 
     def problem(self, engine: Engine, given: Mechanism | None = None) -> Problem:

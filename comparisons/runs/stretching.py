@@ -33,9 +33,12 @@ from ...reference.solution import Solution
 from ...reference.solver import TOLERANCE, solve
 from .scales import Scales, extent, scales_until
 
+PARTED = 1e-3
+"""Of a scale: three digits, as fine as a plot shows and finer than the masses of most machines are known. The default
+tolerance; motions that differ by more have parted."""
 LIMIT = 100.0
 """Where a hundred-thousandth of a body's inertia, less than any is known to, moves something by the default
-tolerance of a thousandth of its scale, nothing is judged any more but invariants."""
+tolerance, nothing is judged any more but invariants and the time of first parting."""
 REGULAR = 2.5
 """In a characteristic time: of a pendulum it is 0.5 (a point mass) to 1.5 (a rod), whatever its amplitude."""
 _CHANGE = 1e-6

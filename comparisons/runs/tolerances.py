@@ -30,10 +30,10 @@ from .metrics import THROWN
 from .quantities import QUANTITIES, Quantity, judged_quantity
 from .results import Machine, Metric, Run
 from .scales import Scales, scales_until
-from .stretching import stretching_at
+from .stretching import PARTED, stretching_at
 
-DEFAULT = 1e-3
-"""Of the scale: three digits, as fine as a plot shows and finer than the masses of most machines are known."""
+DEFAULT = PARTED
+"""Of the scale."""
 _EVERYTHING = "default"
 _LOCATES = ("locate_releases", "located_releases")
 """Options by which engines locate events."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from .metrics import measure
 from .quantities import QUANTITIES
 from .results import Metric
 from .scales import Scales
+from .stretching import Stretching
 
 _COARSE = 1e-12  # tolerance of the second integration: some thirty times the reference's own
 _SAFETY = 4.0
@@ -23,7 +24,12 @@ _DENSE, _LEAST, _MOST = 40, 60, 20_000  # samples in a characteristic time, and 
 
 
 def reference_uncertainties(
-    solution: Solution, end: float, scales: Scales, thrown: str, invariants_to: float | None = None
+    solution: Solution,
+    end: float,
+    scales: Scales,
+    thrown: str,
+    invariants_to: float | None = None,
+    stretching: Stretching | None = None,
 ) -> Uncertainties:
     """Uncertainty of the reference in each metric, in its unit, by its label; the largest of all subjects by its name.
 
@@ -36,8 +42,9 @@ def reference_uncertainties(
         scales: of the motion up to there.
         thrown: marker whose launch is measured.
         invariants_to: end of what invariants are compared over [s].
+        stretching: of the motion up to there.
     """
-    estimated = _estimated(solution, end, scales, thrown, invariants_to)
+    estimated = _estimated(solution, end, scales, thrown, invariants_to, stretching)
     certificate = covering_certificate(solution, invariants_to or end)
     if certificate is None:
         return Uncertainties(source="estimate", values=estimated)
@@ -47,7 +54,12 @@ def reference_uncertainties(
 
 
 def _estimated(
-    solution: Solution, end: float, scales: Scales, thrown: str, invariants_to: float | None
+    solution: Solution,
+    end: float,
+    scales: Scales,
+    thrown: str,
+    invariants_to: float | None,
+    stretching: Stretching | None,
 ) -> dict[str, float]:
     problem, until = solution.problem, invariants_to or end
     margin = min(problem.duration, until * 1.02)  # so that the coarser one's events lie inside, too
@@ -56,7 +68,7 @@ def _estimated(
     samples = np.unique(np.concatenate([np.linspace(0.0, margin, n), [end, until]]))
     metrics = measure(
         coarse.trajectory(samples[samples <= margin]), solution, end,
-        scales=scales, thrown=thrown, invariants_to=invariants_to,
+        scales=scales, thrown=thrown, invariants_to=invariants_to, stretching=stretching,
     )  # fmt: skip
     values: dict[str, float] = {}
     for metric in _without_sampling(metrics, coarse.launch_at(LAUNCH_ANGLE, thrown), solution, thrown):
@@ -67,9 +79,13 @@ def _estimated(
 
 
 def _without_sampling(
-    metrics: Iterable[Metric], launch: Launch | None, solution: Solution, thrown: str
+    metrics: Sequence[Metric], launch: Launch | None, solution: Solution, thrown: str
 ) -> Iterator[Metric]:
-    """The metrics with what a solution tells by itself, and a trajectory by its samples: its launch."""
+    """The metrics with what a solution tells by itself, and a trajectory by its samples: its launch.
+
+    A motion that does not part shows no base error, but a bound of it.
+    """
+    parted = any(metric.name == "first_parting" and metric.value is not None for metric in metrics)
     expected = solution.launch_at(LAUNCH_ANGLE, thrown)
     located: dict[str, float] = {}
     if launch is not None and expected is not None:
@@ -77,7 +93,7 @@ def _without_sampling(
     for metric in metrics:
         if metric.name in ("launch_time", "launch_speed"):
             yield metric.model_copy(update={"value": located.get(metric.name)})
-        elif metric.name != "missing_time":
+        elif metric.name not in ("missing_time", "first_parting") and (parted or metric.name != "base_error"):
             yield metric
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import mechanisms
@@ -10,8 +11,12 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.runs import stretching as stretchings
+from trebucheck.comparisons.runs.metrics import measure
+from trebucheck.comparisons.runs.quantities import QUANTITIES
+from trebucheck.comparisons.runs.results import Metric
 from trebucheck.comparisons.runs.scales import scales_until
 from trebucheck.comparisons.runs.stretching import LIMIT, Stretching, stretching_until
+from trebucheck.comparisons.runs.tolerances import DEFAULT
 from trebucheck.models.mechanism import Body, Marker
 from trebucheck.reference.solver import solve
 
@@ -103,3 +108,60 @@ def test_the_reference_is_not_known_beyond_its_own_rounding() -> None:
     t, one = np.linspace(0.0, 4.0, 5), np.ones(5)
     known = Stretching(t, one, one, np.array([0.0, 1e-6, 9e-5, 1.1e-4, 1.0]), LIMIT * one)
     assert known.horizon == 2.0
+
+
+# the time of first parting
+
+
+def _growing(horizon: float, end: float = 4.0) -> Stretching:
+    """Exponential, so that the limit is reached at the horizon [s]."""
+    t = np.linspace(0.0, end, 401)
+    growth = LIMIT ** (t / horizon)
+    return Stretching(t, growth, growth, np.zeros(401), np.full(401, LIMIT))
+
+
+def _parted(base_error: float, stretching: Stretching) -> dict[str, Metric]:
+    """Of an engine whose angle is wrong by its base error, stretched."""
+    bob, t = mechanisms.hanging_bob(), np.linspace(0.0, 4.0, 4001)
+    solution = solve(tb.Problem(bob, duration=4.0))
+    own = solution.trajectory(t)
+    wrong = base_error * np.interp(t, stretching.t, stretching.largest)
+    run = replace(own, q=own.q + wrong[:, None])
+    metrics = measure(run, solution, stretching.horizon, own, invariants_to=4.0, stretching=stretching)
+    return {metric.name: metric for metric in metrics if metric.name in ("base_error", "first_parting")}
+
+
+@pytest.mark.parametrize("base_error", [1e-4, 1e-6, 1e-8])
+def test_the_time_of_first_parting_shows_the_base_error(base_error: float) -> None:
+    stretching = _growing(1.5)
+    found = _parted(base_error, stretching)
+    time, shown = found["first_parting"].value, found["base_error"].value
+    assert time == pytest.approx(1.5 * math.log(DEFAULT / base_error) / math.log(LIMIT), abs=0.01)
+    assert shown == pytest.approx(base_error, rel=0.05)  # a sample of the stretching is 3 % more than the one before
+    tolerance = DEFAULT * QUANTITIES["base_error"].scale_of(scales_of_bob(), None, mechanisms.hanging_bob())
+    assert (shown <= tolerance) == (time >= stretching.horizon) == (base_error <= 1e-5)
+
+
+def scales_of_bob() -> Any:
+    return scales_until(solve(tb.Problem(mechanisms.hanging_bob(), duration=1.0)), 1.0)
+
+
+def test_a_motion_that_does_not_part_has_a_bound_of_its_base_error() -> None:
+    stretching = _growing(2.5)
+    found = _parted(1e-12, stretching)
+    assert found["first_parting"].value is None
+    assert found["base_error"].value == pytest.approx(DEFAULT / stretching.largest[-1])
+
+
+def test_a_predictable_motion_has_no_time_of_first_parting() -> None:
+    assert not _parted(1e-3, _growing(4.0)) and not _parted(1e-3, _growing(5.0))
+
+
+def test_beyond_a_horizon_that_rounding_sets_a_parting_is_no_fault() -> None:
+    """The reference is not known there, however little the motion is stretched."""
+    growing = _growing(8.0)
+    rounded = replace(growing, rounding=np.where(growing.t > 2.0, 1.0, 0.0))
+    assert rounded.horizon == 2.0
+    late, early = _parted(2e-4, rounded), _parted(9e-4, rounded)
+    assert late["first_parting"].value > 2.0 > early["first_parting"].value  # type: ignore[operator]
+    assert late["base_error"].value == pytest.approx(1e-5) and early["base_error"].value > 1e-4  # type: ignore[operator]

@@ -145,7 +145,7 @@ def test_each_quantity_is_measured_in_its_own_scale() -> None:
         ("potential_energy_max", None): 150.0,
         ("energy_balance", None): 150.0, ("horizontal_momentum", None): 10.0, ("stop_gap_held", "rest"): 1.0,
         ("stop_penetration", "wall"): 3.0, ("joint_gap_max", "pivot"): 3.0, ("missing_time", None): time,
-        ("energy_drift", None): 1.0,
+        ("energy_drift", None): 1.0, ("base_error", None): 0.01,
     }  # fmt: skip
     assert {key: _scale(*key) for key in found} == pytest.approx(found)
     assert {name for name, _ in found} >= {quantity.name for quantity in JUDGED.values()}
@@ -157,6 +157,7 @@ def test_what_follows_is_judged_in_its_place() -> None:
         "position_rms": "position_max", "stop_torque_settled": "stop_torque_max", "stop_impulse": "stop_torque_max",
         "joint_reaction_relative": "joint_reaction_max", "energy_drift": "energy_balance",
         "energy_drift_kinetic": "energy_balance", "complementarity": "stop_penetration",
+        "first_parting": "base_error",
     }  # fmt: skip
     assert {q.name for q in QUANTITIES.values() if q.event} == {"launch_time", "release_time", "impact_time"}
     assert judged_quantity("position") is judged_quantity("position_max") is QUANTITIES["position_max"]
@@ -175,7 +176,7 @@ def test_a_quantity_knows_its_subjects() -> None:
         "slide": ("s",), "slide-speed": ("s",), "release": ("rest",), "stop-gap": ("rest",), "impact": stops,
         "stop-torque": stops, "penetration": stops, "reaction": joints, "joint-gap": joints,
         "launch-time": (), "launch-speed": (), "kinetic-energy": (), "potential-energy": (), "energy": (),
-        "momentum": (), "duration": (),
+        "momentum": (), "duration": (), "base-error": (),
     }  # fmt: skip
 
 
