@@ -28,14 +28,17 @@ if TYPE_CHECKING:
         TrebucheckError,
         UnsupportedProblemError,
     )
+    from .models.force_elements import ConstantForce, ConstantTorque, RotationalSpringDamper, SpringDamper
+    from .models.joints import FreeJoint, PinJoint, PrismaticJoint, SlotJoint, WeldJoint
     from .models.launch import Launch
     from .models.machines.catapult import CatapultParameters, catapult
     from .models.machines.floating_arm import FloatingArmParameters, floating_arm
     from .models.machines.parameters import TrebuchetParameters
     from .models.machines.registry import model
     from .models.machines.trebuchet import HingedParameters, fixed, hinged, rolling
-    from .models.mechanism import Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint, Stop
+    from .models.mechanism import Body, Marker, Mechanism
     from .models.problem import Problem, StopLaw
+    from .models.stops import PointStop, Stop
     from .models.trajectory import Trajectory
     from .reference.throw.throw import throw
 
@@ -43,9 +46,12 @@ __all__ = [
     "Body",
     "Capabilities",
     "CatapultParameters",
+    "ConstantForce",
+    "ConstantTorque",
     "Engine",
     "EngineNotInstalledError",
     "FloatingArmParameters",
+    "FreeJoint",
     "HingedParameters",
     "InputError",
     "Launch",
@@ -53,15 +59,19 @@ __all__ = [
     "Mechanism",
     "PinJoint",
     "PointStop",
+    "PrismaticJoint",
     "Problem",
+    "RotationalSpringDamper",
     "SimulationError",
     "SlotJoint",
+    "SpringDamper",
     "Stop",
     "StopLaw",
     "Trajectory",
     "TrebucheckError",
     "TrebuchetParameters",
     "UnsupportedProblemError",
+    "WeldJoint",
     "__version__",
     "catapult",
     "compare",
@@ -76,6 +86,8 @@ __all__ = [
 ]
 
 _ERRORS = ("EngineNotInstalledError", "InputError", "SimulationError", "TrebucheckError", "UnsupportedProblemError")
+_JOINTS = ("FreeJoint", "PinJoint", "PrismaticJoint", "SlotJoint", "WeldJoint")
+_FORCE_ELEMENTS = ("ConstantForce", "ConstantTorque", "RotationalSpringDamper", "SpringDamper")
 # Loaded when first asked for (PEP 562): `import trebucheck` stays quick and free of engines.
 _HOMES = {
     "compare": "comparisons.compare.study",
@@ -95,7 +107,10 @@ _HOMES = {
     **dict.fromkeys(("HingedParameters", "hinged"), "models.machines.trebuchet"),
     **dict.fromkeys(("FloatingArmParameters", "floating_arm"), "models.machines.floating_arm"),
     **dict.fromkeys(_ERRORS, "models.errors"),
-    **dict.fromkeys(("Body", "Marker", "Mechanism", "PinJoint", "PointStop", "SlotJoint", "Stop"), "models.mechanism"),
+    **dict.fromkeys(("Body", "Marker", "Mechanism"), "models.mechanism"),
+    **dict.fromkeys(_JOINTS, "models.joints"),
+    **dict.fromkeys(("PointStop", "Stop"), "models.stops"),
+    **dict.fromkeys(_FORCE_ELEMENTS, "models.force_elements"),
 }
 
 

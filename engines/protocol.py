@@ -22,6 +22,7 @@ from ..models.errors import (
     TrebucheckError,
     UnsupportedProblemError,
 )
+from ..models.features import Feature, refuse_features
 from ..models.mechanism import Mechanism
 from ..models.memory import available_memory
 from ..models.problem import Problem, StopLaw
@@ -52,6 +53,8 @@ class Capabilities:
     """Coordinates and treatment of constraints, in a few words."""
     stop_torques: bool = True
     """Torques and forces of the stops."""
+    features: frozenset[Feature] = frozenset()
+    """Elements that it can build beside pins, slots in the ground and stops against it."""
 
 
 class Simulator(Protocol):
@@ -234,6 +237,7 @@ class BuiltinEngine(EngineOptions, ABC):
 
     def _refuse_what_cannot_run(self, problem: Problem) -> None:
         self.refuse_absence()
+        refuse_features(problem.mechanism, self.capabilities.features, self.name)
         if problem.stop_law not in self.capabilities.stop_laws:
             laws = ", ".join(sorted(self.capabilities.stop_laws))
             raise UnsupportedProblemError(

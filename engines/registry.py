@@ -14,6 +14,7 @@ from pydantic import JsonValue
 from pydantic_core import to_jsonable_python
 
 from ..models.errors import InputError
+from ..models.features import refuse_features
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
 from ..models.spec import Spec
@@ -189,6 +190,7 @@ class CompletedEngine:
 
     def simulate(self, problem: Problem) -> Trajectory:
         """As the plug-in's engine does."""
+        refuse_features(problem.mechanism, self.capabilities.features, self.name)
         return self.simulator.simulate(problem)
 
 

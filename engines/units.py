@@ -17,9 +17,10 @@ import numpy as np
 
 from ..models.arrays import FloatArray
 from ..models.errors import SimulationError, UnsupportedProblemError
-from ..models.mechanism import AnyStop, Mechanism, PointStop, Stop
+from ..models.mechanism import Mechanism
 from ..models.problem import Problem
 from ..models.spec import Vector
+from ..models.stops import AnyStop, PointStop, Stop
 from ..models.trajectory import PointMotion
 from .inspection import Dynamics, Inspection, State
 from .protocol import Recording
@@ -91,7 +92,7 @@ class Units:
 
     def coordinates(self, mechanism: Mechanism) -> FloatArray:
         """Of each coordinate, shape (n_q,): 1 of an angle, the length of a slide."""
-        angles, slides = len(mechanism.bodies), len(mechanism.slides)
+        angles, slides = len(mechanism.angles), len(mechanism.slides)
         return np.array([1.0] * angles + [self.length] * slides)
 
     def mechanism(self, mechanism: Mechanism) -> Mechanism:

@@ -1,11 +1,13 @@
 r"""Kinematics of a mechanism's points, as complex numbers z = x + i y.
 
-With absolute angles every point of a tree of pinned bodies is a plain sum,
+With absolute angles every point is a plain sum,
 
-    z = z_0 + sum_k c_k w_k,        w_k = exp(-i q_k) for an angle, w_k = q_k for a slide,
+    z = z_0 + sum_k c_k w_k,    w_k = exp(-i q_k) of an angle, w_k = q_k of a slide along a line that does not turn,
+                                w_k = q_k exp(-i q_c) of a slide along a line that turns with the angle q_c,
 
 with constant complex coefficients c_k (positive clockwise: the exponent is -i q). So a point is a row of
-coefficients, and velocities and accelerations follow by differentiating w alone.
+coefficients, and velocities and accelerations follow by differentiating w alone. Its derivatives are dw_k/dq_k, the
+rates, and for a slide on a turning line dw_k/dq_c = -i q_k dw_k/dq_k as well.
 """
 
 from __future__ import annotations
@@ -17,8 +19,10 @@ from functools import cached_property
 import numpy as np
 
 from .arrays import ComplexArray, FloatArray
-from .mechanism import GROUND, Marker, Mechanism, SlotJoint
+from .joints import GROUND
+from .mechanism import Marker, Mechanism
 from .spec import Vector
+from .stops import PointStop
 
 
 @dataclass(frozen=True)
@@ -30,43 +34,105 @@ class PointCoefficients:
 
 
 @dataclass(frozen=True)
-class AngleGap:
-    """Gap of a stop on angles: constant + coefficients . q [rad]; linear, so its Jacobian is constant."""
+class AngleFunction:
+    """A difference of angles: constant + coefficients . q [rad]; linear, so its Jacobian is constant."""
 
     constant: float
     coefficients: FloatArray
 
-    def value(self, q: FloatArray, phasors: ComplexArray) -> FloatArray:
-        """The gap, shape (...,)."""
+    @property
+    def amplitudes(self) -> FloatArray:
+        """The greatest values of its derivatives, shape (n_q,)."""
+        return np.abs(self.coefficients)
+
+    def value(self, q: FloatArray) -> FloatArray:
+        """Shape (...,)."""
         return q @ self.coefficients + self.constant
 
-    def jacobian(self, rates: ComplexArray) -> FloatArray:
-        """D gap/dq, shape (n_q,): the same in every state."""
+    def jacobian(self, q: FloatArray, rates: ComplexArray) -> FloatArray:
+        """Shape (n_q,): the same in every state."""
         return self.coefficients
 
-    def bias(self, curvature: ComplexArray) -> FloatArray:
+    def bias(self, q: FloatArray, u: FloatArray, curvature: ComplexArray) -> FloatArray:
         """d/dt(Jacobian) u: 0."""
         return np.zeros(curvature.shape[:-1])
 
 
 @dataclass(frozen=True)
-class PointGap:
-    """Gap of a stop on a point: constant + Re(coefficients . w(q)) [m]."""
+class PointFunction:
+    """A point's component in a direction that does not turn: constant + Re(coefficients . w(q)) [m]."""
 
+    kinematics: Kinematics
     constant: float
     coefficients: ComplexArray
 
-    def value(self, q: FloatArray, phasors: ComplexArray) -> FloatArray:
-        """The gap, shape (...,)."""
-        return (phasors @ self.coefficients).real + self.constant
+    @property
+    def amplitudes(self) -> FloatArray:
+        """The greatest values of its derivatives, shape (n_q,); of slides on turning lines, with these at 1 m."""
+        return self.kinematics.amplitudes(self.coefficients)
 
-    def jacobian(self, rates: ComplexArray) -> FloatArray:
-        """D gap/dq, shape (..., n_q)."""
-        return (rates * self.coefficients).real
+    def value(self, q: FloatArray) -> FloatArray:
+        """Shape (...,)."""
+        return (self.kinematics.phasors(q) @ self.coefficients).real + self.constant
 
-    def bias(self, curvature: ComplexArray) -> FloatArray:
+    def jacobian(self, q: FloatArray, rates: ComplexArray) -> FloatArray:
+        """Shape (..., n_q)."""
+        return self.kinematics.gradient(self.coefficients, q, rates).real
+
+    def bias(self, q: FloatArray, u: FloatArray, curvature: ComplexArray) -> FloatArray:
         """d/dt(Jacobian) u, shape (...,)."""
         return (curvature @ self.coefficients).real
+
+
+@dataclass(frozen=True)
+class LineFunction:
+    r"""A point's component in a direction that turns with the angle q_b [m].
+
+    It is Re(conj(d) e^{i q_b} (z_0 + c . w)) + constant, where z_0 + c . w is the vector to the point from one of the
+    body b, and d the direction in its frame.
+    """
+
+    kinematics: Kinematics
+    constant: float
+    direction: complex
+    body: int
+    """Index of the angle."""
+    vector: PointCoefficients
+
+    @property
+    def amplitudes(self) -> FloatArray:
+        """The greatest values of its derivatives, shape (n_q,)."""
+        amplitudes = self.kinematics.amplitudes(self.vector.coefficients)
+        amplitudes[self.body] += abs(self.vector.offset) + amplitudes.sum()
+        return amplitudes
+
+    def _turned(self, q: FloatArray) -> ComplexArray:
+        return self.direction.conjugate() * np.exp(1j * q[..., self.body])
+
+    def _vector(self, q: FloatArray) -> ComplexArray:
+        return self.vector.offset + self.kinematics.phasors(q) @ self.vector.coefficients
+
+    def value(self, q: FloatArray) -> FloatArray:
+        """Shape (...,)."""
+        return (self._turned(q) * self._vector(q)).real + self.constant
+
+    def jacobian(self, q: FloatArray, rates: ComplexArray) -> FloatArray:
+        """Shape (..., n_q)."""
+        turned = self._turned(q)
+        gradient = turned[..., None] * self.kinematics.gradient(self.vector.coefficients, q, rates)
+        gradient[..., self.body] += 1j * turned * self._vector(q)
+        return gradient.real
+
+    def bias(self, q: FloatArray, u: FloatArray, curvature: ComplexArray) -> FloatArray:
+        """d/dt(Jacobian) u, shape (...,)."""
+        spin, coefficients = u[..., self.body], self.vector.coefficients
+        speed = np.sum(self.kinematics.gradient(coefficients, q, self.kinematics.rates(q)) * u, axis=-1)
+        apparent = curvature @ coefficients + 2j * spin * speed - spin**2 * self._vector(q)
+        return (self._turned(q) * apparent).real
+
+
+ScalarFunction = AngleFunction | PointFunction | LineFunction
+"""A function of q that a constraint holds at zero, or at or above zero."""
 
 
 @dataclass(frozen=True)
@@ -78,49 +144,120 @@ class Kinematics:
     @cached_property
     def is_angle(self) -> FloatArray:
         """1.0 for an angle, 0.0 for a slide; shape (n_q,)."""
-        n_bodies, n_q = len(self.mechanism.bodies), len(self.mechanism.coordinates)
-        return np.array([1.0] * n_bodies + [0.0] * (n_q - n_bodies))
+        n_angles, n_q = len(self.mechanism.angles), len(self.mechanism.coordinates)
+        return np.array([1.0] * n_angles + [0.0] * (n_q - n_angles))
+
+    @cached_property
+    def _attitudes(self) -> dict[str, tuple[int | None, float]]:
+        return self.mechanism.attitudes
+
+    @cached_property
+    def carried(self) -> tuple[tuple[int, int], ...]:
+        """Index of each slide along a line that turns, and of the angle that it turns with."""
+        first = len(self.mechanism.angles)
+        angles = (self._attitudes[slide.joint.parent][0] for slide in self.mechanism.slides)
+        return tuple((k, angle) for k, angle in enumerate(angles, start=first) if angle is not None)
 
     @cached_property
     def _frames(self) -> dict[str, PointCoefficients]:
         """The origin of each body's frame, from the ground outwards."""
         n_q = len(self.mechanism.coordinates)
         rows = {GROUND: PointCoefficients(0j, np.zeros(n_q, dtype=np.complex128))}
+        slides = {name: k for k, name in enumerate(self.mechanism.coordinates)}
         for joint in self.mechanism.tree_joints:
             at = self._point(rows, joint.parent, joint.parent_point)
-            coefficients = at.coefficients.copy()
-            coefficients[self._index(joint.child)] -= complex(*joint.child_point)
-            if joint.kind == "pin-in-slot" and joint.coordinate is not None:
-                coefficients[self.mechanism.coordinates.index(joint.coordinate)] += complex(*joint.axis)
-            rows[joint.child] = PointCoefficients(at.offset, coefficients)
+            frame = self._moved(at, joint.child, -complex(*joint.child_point))
+            turned = np.exp(-1j * self._attitudes[joint.parent][1])
+            for name, direction in zip(joint.slides, joint.free_directions, strict=True):
+                frame.coefficients[slides[name]] += direction * turned
+            rows[joint.child] = frame
         return rows
 
-    def _index(self, body: str) -> int:
-        return self.mechanism.coordinates.index(self.mechanism.body(body).angle)
+    def _moved(self, at: PointCoefficients, body: str, arm: complex) -> PointCoefficients:
+        """A point at an arm from another one, in a body's frame [m]; its coefficients are its own."""
+        (index, turned), coefficients = self._attitudes[body], at.coefficients.copy()
+        arm = arm * np.exp(-1j * turned) if turned else arm
+        if index is None:
+            return PointCoefficients(at.offset + arm, coefficients)
+        coefficients[index] += arm
+        return PointCoefficients(at.offset, coefficients)
 
     def _point(self, frames: dict[str, PointCoefficients], body: str, point: Vector) -> PointCoefficients:
-        frame = frames[body]
-        if body == GROUND:
-            return PointCoefficients(frame.offset + complex(*point), frame.coefficients)
-        coefficients = frame.coefficients.copy()
-        coefficients[self._index(body)] += complex(*point)
-        return PointCoefficients(frame.offset, coefficients)
+        return self._moved(frames[body], body, complex(*point))
 
     def point(self, body: str, point: Vector) -> PointCoefficients:
         """The row of a point given in a body's frame (or the ground's)."""
         return self._point(self._frames, body, point)
 
+    def between(self, body: str, point: Vector, other: str, other_point: Vector) -> PointCoefficients:
+        """The row of the vector from a point of another body to a body's point."""
+        to, start = self.point(body, point), self.point(other, other_point)
+        return PointCoefficients(to.offset - start.offset, to.coefficients - start.coefficients)
+
+    def angle(self, body: str, other: str = GROUND) -> AngleFunction:
+        """A body's angle, or its angle less that of another one."""
+        row, constant = np.zeros(len(self.is_angle)), 0.0
+        for name, sign in ((body, 1.0), (other, -1.0)):
+            index, turned = self._attitudes[name]
+            constant += sign * turned
+            if index is not None:
+                row[index] += sign
+        row.flags.writeable = False  # shared by all callers
+        return AngleFunction(constant, row)
+
+    def component(
+        self, direction: complex, of: str, vector: PointCoefficients, constant: float = 0.0
+    ) -> PointFunction | LineFunction:
+        """A vector's component along a direction of a body's frame (or the ground's), plus a constant [m]."""
+        index, turned = self._attitudes[of]
+        direction = direction * np.exp(-1j * turned) if turned else direction
+        if index is not None:
+            return LineFunction(self, constant, direction, index, vector)
+        along = direction.conjugate()
+        return PointFunction(self, (vector.offset * along).real + constant, vector.coefficients * along)
+
     def phasors(self, q: FloatArray) -> ComplexArray:
         """w(q), shape like q."""
-        return np.where(self.is_angle > 0, np.exp(-1j * q), q)
+        w = np.where(self.is_angle > 0, np.exp(-1j * q), q)
+        for k, c in self.carried:
+            w[..., k] *= w[..., c]
+        return w
 
     def rates(self, q: FloatArray) -> ComplexArray:
-        """dw/dq, shape like q: -i exp(-i q) for an angle, 1 for a slide."""
-        return np.where(self.is_angle > 0, -1j * np.exp(-1j * q), 1.0)
+        """dw_k/dq_k, shape like q: -i exp(-i q) for an angle, 1 for a slide, exp(-i q_c) on a turning line."""
+        rates = np.where(self.is_angle > 0, -1j * np.exp(-1j * q), 1.0)
+        for k, c in self.carried:
+            rates[..., k] = 1j * rates[..., c]
+        return rates
 
-    def curvature(self, q: FloatArray, u: FloatArray) -> ComplexArray:
-        """d2w/dq2 u^2, shape like q: what the rates' change adds to d2w/dt2."""
-        return -1j * self.is_angle * self.rates(q) * u * u
+    def curvature(self, q: FloatArray, u: FloatArray, rates: ComplexArray | None = None) -> ComplexArray:
+        """d2w/dt2 without accelerations of q, shape like q."""
+        rates = self.rates(q) if rates is None else rates
+        curvature = -1j * self.is_angle * rates * u * u
+        for k, c in self.carried:
+            curvature[..., k] = -rates[..., k] * u[..., c] * (2j * u[..., k] + q[..., k] * u[..., c])
+        return curvature
+
+    def gradient(self, coefficients: ComplexArray, q: FloatArray, rates: ComplexArray) -> ComplexArray:
+        """d(coefficients . w)/dq for a row or several, shape (..., n_q)."""
+        gradient = rates * coefficients
+        for k, c in self.carried:
+            gradient[..., c] += gradient[..., k] * -1j * q[..., k]
+        return gradient
+
+    def amplitudes(self, coefficients: ComplexArray) -> FloatArray:
+        """The greatest values of a gradient's components, slides on turning lines at 1 m; shape (n_q,)."""
+        amplitudes = np.abs(coefficients)
+        for k, c in self.carried:
+            amplitudes[c] += amplitudes[k]
+        return amplitudes
+
+    def _flow(self, q: FloatArray, u: FloatArray, rates: ComplexArray) -> ComplexArray:
+        """dw/dt, shape like q."""
+        flow = rates * u
+        for k, c in self.carried:
+            flow[..., k] -= 1j * q[..., k] * rates[..., k] * u[..., c]
+        return flow
 
     def position(self, row: PointCoefficients, q: FloatArray) -> FloatArray:
         """World position [m], shape (..., 2)."""
@@ -128,7 +265,7 @@ class Kinematics:
 
     def velocity(self, row: PointCoefficients, q: FloatArray, u: FloatArray) -> FloatArray:
         """World velocity [m/s], shape (..., 2)."""
-        return _as_vectors((self.rates(q) * u) @ row.coefficients)
+        return _as_vectors(self._flow(q, u, self.rates(q)) @ row.coefficients)
 
     def speed_scale(self, row: PointCoefficients) -> float:
         """A scale of a point's speeds [m/s]: what it would fall by all its arms, and what it moves at the start."""
@@ -138,7 +275,7 @@ class Kinematics:
     def acceleration(self, row: PointCoefficients, q: FloatArray, u: FloatArray, a: FloatArray) -> FloatArray:
         """World acceleration [m/s^2] for generalized accelerations a, shape (..., 2)."""
         rates = self.rates(q)
-        return _as_vectors((rates * a - 1j * self.is_angle * rates * u**2) @ row.coefficients)
+        return _as_vectors((self._flow(q, a, rates) + self.curvature(q, u, rates)) @ row.coefficients)
 
     def point_motion(
         self, marker: Marker, q: FloatArray, u: FloatArray, a: FloatArray
@@ -160,68 +297,88 @@ class Kinematics:
     @cached_property
     def inertias(self) -> FloatArray:
         """Inertias about the centres of mass on the angles, 0 on slides [kg m^2], shape (n_q,)."""
-        on_angles = [body.inertia for body in self.mechanism.bodies]
-        return np.array(on_angles + [0.0] * (len(self.is_angle) - len(on_angles)))
+        inertias = np.zeros(len(self.is_angle))
+        for body in self.mechanism.bodies:
+            index, _ = self._attitudes[body.name]
+            if index is not None:
+                inertias[index] += body.inertia
+        return inertias
 
     def momentum(self, q: FloatArray, u: FloatArray) -> FloatArray:
         """Linear momentum of all bodies [kg m/s], shape (..., 2)."""
-        return _as_vectors((self.rates(q) * u) @ (self.masses @ self.centres))
+        return _as_vectors(self._flow(q, u, self.rates(q)) @ (self.masses @ self.centres))
 
     def kinetic_energy(self, q: FloatArray, u: FloatArray) -> FloatArray:
         """Kinetic energy [J], shape (...,)."""
-        speeds = (self.rates(q) * u) @ self.centres.T
+        speeds = self._flow(q, u, self.rates(q)) @ self.centres.T
         return 0.5 * (np.abs(speeds) ** 2 @ self.masses + u**2 @ self.inertias)
 
     def potential_energy(self, q: FloatArray) -> FloatArray:
-        """Potential energy [J], zero at the world's origin (the fulcrum's height), shape (...,)."""
-        offsets = np.array([self.point(b.name, b.centre).offset.imag for b in self.mechanism.bodies])
-        heights = (self.phasors(q) @ self.centres.T).imag + offsets
+        """Potential energy of gravity [J], zero at the world's origin (the fulcrum's height), shape (...,)."""
+        upwards = -complex(*self.mechanism.gravity_direction).conjugate()
+        offsets = np.array([self.point(b.name, b.centre).offset for b in self.mechanism.bodies])
+        heights = ((self.phasors(q) @ self.centres.T + offsets) * upwards).real
         return self.mechanism.gravity * heights @ self.masses
 
     def gap(self, stop: str, q: FloatArray) -> FloatArray:
         """Gap of a stop [its gap_unit], shape (...,)."""
-        return self.gaps[stop].value(q, self.phasors(q))
+        return self.gaps[stop].value(q)
 
     def gap_jacobian(self, stop: str, q: FloatArray) -> FloatArray:
         """Jacobian of a stop's gap with respect to q, shape (..., n_q)."""
-        return np.broadcast_to(self.gaps[stop].jacobian(self.rates(q)), q.shape)
+        return np.broadcast_to(self.gaps[stop].jacobian(q, self.rates(q)), q.shape)
 
     def gap_bias(self, stop: str, q: FloatArray, u: FloatArray) -> FloatArray:
         """The gap's acceleration without accelerations of q, d/dt(Jacobian) u, shape (...,)."""
-        return self.gaps[stop].bias(self.curvature(q, u))
+        return self.gaps[stop].bias(q, u, self.curvature(q, u))
 
     @cached_property
-    def gaps(self) -> dict[str, AngleGap | PointGap]:
-        """Coefficients of each stop's gap."""
-        gaps: dict[str, AngleGap | PointGap] = {}
-        for stop in self.mechanism.angle_stops:
-            row = np.zeros(len(self.is_angle))
-            row[self._index(stop.body)] = stop.sense
-            if stop.relative_to != GROUND:
-                row[self._index(stop.relative_to)] = -stop.sense
-            row.flags.writeable = False  # shared by all callers
-            gaps[stop.name] = AngleGap(-stop.limit, row)
-        for stop in self.mechanism.point_stops:
-            at, normal = self.point(stop.body, stop.point), complex(*stop.normal).conjugate()
-            gaps[stop.name] = PointGap((at.offset * normal).real - stop.offset, at.coefficients * normal)
+    def gaps(self) -> dict[str, ScalarFunction]:
+        """Each stop's gap."""
+        gaps: dict[str, ScalarFunction] = {}
+        for stop in self.mechanism.stops:
+            if isinstance(stop, PointStop):
+                vector = self.between(stop.body, stop.point, stop.relative_to, (0.0, 0.0))
+                gaps[stop.name] = self.component(complex(*stop.normal), stop.relative_to, vector, -stop.offset)
+            else:
+                angle = self.angle(stop.body, stop.relative_to)
+                row = stop.sense * angle.coefficients
+                row.flags.writeable = False  # shared by all callers
+                gaps[stop.name] = AngleFunction(stop.sense * angle.constant - stop.limit, row)
         return gaps
 
     @cached_property
-    def loop_closures(self) -> tuple[PointCoefficients, ...]:
-        """Scalar constraints Re(offset + coefficients . w) = 0 of the joints that close a loop.
+    def loop_closures(self) -> tuple[ScalarFunction, ...]:
+        """Functions that the joints that close a loop hold at zero.
 
-        Of a pin the child's point less the parent's, along x and along y; of a slot the distance from its line.
+        The child's point less the parent's along each held direction of the parent's frame (of a pin or weld: along x
+        and y of the world); then, where the joint holds it, the child's angle less the parent's, full turns apart.
         """
-        closures: list[PointCoefficients] = []
+        closures: list[ScalarFunction] = []
         for joint in self.mechanism.loop_joints:
-            parent = self.point(joint.parent, joint.parent_point)
-            child = self.point(joint.child, joint.child_point)
-            offset, coefficients = child.offset - parent.offset, child.coefficients - parent.coefficients
-            # Re(conj(i axis) z) is the distance from the slot's line; Re(z) = x, Re(-i z) = y.
-            slot = isinstance(joint, SlotJoint)
-            directions = ((1j * complex(*joint.axis)).conjugate(),) if slot else (1.0, -1j)
-            closures += [PointCoefficients(offset * along, coefficients * along) for along in directions]
+            vector = self.between(joint.child, joint.child_point, joint.parent, joint.parent_point)
+            frame = joint.parent if joint.free_directions else GROUND
+            closures += [self.component(direction, frame, vector) for direction in joint.held_directions]
+            if joint.turned_by is not None:
+                angle = self.angle(joint.child, joint.parent)
+                apart = float(angle.value(np.array(self.mechanism.start))) - joint.turned_by
+                turns = round(apart / (2 * math.pi)) * 2 * math.pi
+                closures.append(AngleFunction(angle.constant - joint.turned_by - turns, angle.coefficients))
         return tuple(closures)
+
+    def loop_residual(self, q: FloatArray) -> FloatArray:
+        """Values of the loop closures [m or rad], shape (..., n_loops)."""
+        residual = np.empty((*q.shape[:-1], len(self.loop_closures)))
+        for k, closure in enumerate(self.loop_closures):
+            residual[..., k] = closure.value(q)
+        return residual
+
+    def loop_jacobian(self, q: FloatArray) -> FloatArray:
+        """Jacobian of the loop closures, shape (..., n_loops, n_q)."""
+        rates, jacobian = self.rates(q), np.empty((*q.shape[:-1], len(self.loop_closures), q.shape[-1]))
+        for k, closure in enumerate(self.loop_closures):
+            jacobian[..., k, :] = closure.jacobian(q, rates)
+        return jacobian
 
 
 def initial_state(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:

@@ -8,166 +8,34 @@ from +x, positive **clockwise** (the paper's convention), so a body point (a, b)
 from __future__ import annotations
 
 import cmath
-from collections.abc import Callable, Iterable, Iterator
-from typing import Annotated, ClassVar, Literal, Self, cast
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import ClassVar, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, model_validator
 
+from .force_elements import ForceElement, SpringDamper
+from .joints import GROUND, AnyJoint, FreeJoint, Joint, refuse_other_lengths
 from .spec import Name, NonNegative, Positive, Real, Spec, Vector, schema_text
+from .stops import AnyStop, PointStop, Stop
 
-GROUND = "ground"
+_DOWNWARDS = (0.0, -1.0)
 _CLOSED_GAP = 1e-12  # [rad], [m per m] a start gap below this is rounding, not an opening
 
 
 class Body(Spec):
-    """A rigid body; its coordinate is its absolute angle."""
+    """A rigid body; its coordinate is its absolute angle, if its joint in the tree lets it turn."""
 
     name: Name
-    angle: Name = Field(description="name of its angle coordinate")
+    angle: Name | None = Field(
+        default=None,
+        exclude_if=lambda name: name is None,
+        description="name of its angle coordinate; none where its joint in the tree holds its angle",
+    )
     mass: Positive = Field(description="[kg]")
     centre: Vector = Field(description="centre of mass in the body's frame [m]")
     inertia: NonNegative = Field(description="about the centre of mass [kg m^2]; 0 for a point mass")
-
-
-class PinJoint(Spec):
-    """Two points of two bodies coincide."""
-
-    kind: Literal["pin"] = "pin"
-    name: Name
-    parent: Name = Field(description="a body, or 'ground'")
-    child: Name
-    parent_point: Vector = Field(description="in the parent's frame [m]")
-    child_point: Vector = Field(description="in the child's frame [m]")
-
-
-class SlotJoint(Spec):
-    """A point of a body slides along a straight slot in the ground (pin in slot)."""
-
-    kind: Literal["pin-in-slot"] = "pin-in-slot"
-    name: Name
-    parent: Literal["ground"] = GROUND
-    child: Name
-    parent_point: Vector = Field(description="a point of the slot, where its coordinate is zero [m]")
-    child_point: Vector = Field(description="in the child's frame [m]")
-    axis: Vector = Field(description="direction of the slot, length 1")
-    coordinate: Name | None = Field(
-        default=None, description="name of its slide coordinate; none where it closes a loop"
-    )
-
-    @model_validator(mode="after")
-    def _axis_has_length_one(self) -> Self:
-        if abs(self.axis[0] ** 2 + self.axis[1] ** 2 - 1.0) > 1e-12:
-            raise ValueError(f"axis of {self.name!r} must have length 1")
-        return self
-
-
-Joint = Annotated[PinJoint | SlotJoint, Field(discriminator="kind")]
-
-
-class Stop(Spec):
-    """A unilateral constraint on a relative angle: gap = sense * (angle - angle of the other) - limit >= 0.
-
-    Its torque is the generalised force conjugate to the gap: >= 0 while it pushes, 0 when open.
-    """
-
-    gap_unit: ClassVar[str] = "rad"
-    speed_unit: ClassVar[str] = "rad/s"
-    force_unit: ClassVar[str] = "N m"
-    impulse_unit: ClassVar[str] = "N m s"
-    effort: ClassVar[Literal["torque", "force"]] = "torque"
-    """What it pushes with."""
-    position_field: ClassVar[Literal["limit", "offset"]] = "limit"
-    """Name of the field that holds its position."""
-
-    name: Name
-    body: Name
-    relative_to: Name = GROUND
-    sense: Literal[1, -1]
-    limit: Real = Field(description="[rad]")
-    closed: bool = Field(description="whether it touches at the start")
-    restitution: Annotated[Real, Field(ge=0, le=1)] = Field(
-        default=0.0, description="gap speed after an impact over the one before, under the unilateral law"
-    )
-
-    @property
-    def bodies(self) -> tuple[str, ...]:
-        """The bodies it acts between."""
-        return (self.body, self.relative_to)
-
-    @property
-    def position(self) -> float:
-        """Its limit [rad]."""
-        return self.limit
-
-    def component(self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]) -> float:
-        """The component of a motion along the gap, which is linear in it.
-
-        Of angles and places it is gap + position, of velocities the gap's speed, of accelerations the gap's
-        acceleration; so the gap of any stop follows from how bodies turn and points move, in whatever coordinates.
-
-        Args:
-            angle: of a body other than the ground, positive clockwise [rad], or its derivative.
-            point: of a body and a point in its frame: where it is in the world, x + i y [m], or its derivative.
-        """
-        own, other = (0.0 if body == GROUND else angle(body) for body in self.bodies)
-        return self.sense * (own - other)
-
-
-class PointStop(Spec):
-    """A unilateral constraint on where a point may be: gap = normal . position - offset >= 0, a half-plane.
-
-    A trough, a floor, a wall without friction. Its force is along the normal: >= 0 while it pushes, 0 when open.
-    """
-
-    gap_unit: ClassVar[str] = "m"
-    speed_unit: ClassVar[str] = "m/s"
-    force_unit: ClassVar[str] = "N"
-    impulse_unit: ClassVar[str] = "N s"
-    effort: ClassVar[Literal["torque", "force"]] = "force"
-    """What it pushes with."""
-    position_field: ClassVar[Literal["limit", "offset"]] = "offset"
-    """Name of the field that holds its position."""
-
-    name: Name
-    body: Name
-    point: Vector = Field(description="of the body, in its frame [m]")
-    normal: Vector = Field(description="from the wall towards where the point may be, length 1")
-    offset: Real = Field(description="distance of the wall from the world's origin along the normal [m]")
-    closed: bool = Field(description="whether it touches at the start")
-    restitution: Annotated[Real, Field(ge=0, le=1)] = Field(
-        default=0.0, description="gap speed after an impact over the one before, under the unilateral law"
-    )
-
-    @model_validator(mode="after")
-    def _normal_has_length_one(self) -> Self:
-        if abs(self.normal[0] ** 2 + self.normal[1] ** 2 - 1.0) > 1e-12:
-            raise ValueError(f"normal of {self.name!r} must have length 1")
-        return self
-
-    @property
-    def bodies(self) -> tuple[str, ...]:
-        """The body it acts on."""
-        return (self.body,)
-
-    @property
-    def position(self) -> float:
-        """Its offset [m]."""
-        return self.offset
-
-    def component(self, angle: Callable[[str], float], point: Callable[[str, Vector], complex]) -> float:
-        """The component of a motion along the gap, as for a :class:`Stop`: here that of the point along the normal."""
-        at = point(self.body, self.point)
-        return self.normal[0] * at.real + self.normal[1] * at.imag
-
-
-def _tag_of_stop(value: object) -> str:
-    if isinstance(value, dict):
-        return "point stop" if {"point", "normal", "offset"} & cast("dict[str, object]", value).keys() else "stop"
-    return "point stop" if isinstance(value, PointStop) else "stop"
-
-
-# Distinguished by their fields: a `kind` would change the content, and so the hash, of every mechanism there is.
-AnyStop = Annotated[Annotated[Stop, Tag("stop")] | Annotated[PointStop, Tag("point stop")], Discriminator(_tag_of_stop)]
 
 
 class Marker(Spec):
@@ -181,12 +49,22 @@ class Marker(Spec):
     )
 
 
+@dataclass(frozen=True)
+class Slide:
+    """A slide coordinate of the tree: how far the child's point of its joint is along a direction."""
+
+    coordinate: str
+    joint: AnyJoint
+    direction: complex
+    """In the frame of the joint's parent, length 1."""
+
+
 class Mechanism(Spec):
-    """Bodies, joints, stops, markers, gravity and the start.
+    """Bodies, joints, stops, force elements, markers, gravity and the start.
 
     Bodies stand in an order in which each one's first joint as a child leads to the ground or to an earlier
-    body: those joints make the tree, any further joint closes a loop. Coordinates q are the bodies' angles
-    [rad] in that order, then the slides of slots [m] in the order of the joints.
+    body: those joints make the tree, any further joint closes a loop. Coordinates q are the angles of the bodies
+    that have one [rad] in that order, then the slides of the tree's joints [m] in the order of the bodies.
 
     Raises:
         InputError: names clash or point nowhere, the tree is broken, or a stop's `closed` belies its gap.
@@ -199,43 +77,85 @@ class Mechanism(Spec):
     joints: tuple[Joint, ...] = Field(min_length=1)
     stops: tuple[AnyStop, ...] = ()
     markers: tuple[Marker, ...] = ()
-    gravity: NonNegative = Field(description="downwards [m/s^2]")
+    force_elements: tuple[ForceElement, ...] = Field(default=(), exclude_if=lambda elements: not elements)
+    gravity: NonNegative = Field(description="its size [m/s^2]")
+    gravity_direction: Vector = Field(
+        default=_DOWNWARDS, exclude_if=lambda direction: direction == _DOWNWARDS, description="length 1"
+    )
     start: tuple[Real, ...] = Field(description="q at t = 0 [rad or m]")
     start_speeds: tuple[Real, ...] = Field(default=(), description="u at t = 0 [rad/s or m/s]; empty: at rest")
 
     @property
+    def angles(self) -> tuple[str, ...]:
+        """Names of the angle coordinates, the first of q."""
+        return tuple(body.angle for body in self.bodies if body.angle is not None)
+
+    @property
     def coordinates(self) -> tuple[str, ...]:
         """Names of q, in order."""
-        angles = tuple(body.angle for body in self.bodies)
-        return angles + tuple(joint.coordinate for joint in self.slides if joint.coordinate is not None)
+        return self.angles + tuple(slide.coordinate for slide in self.slides)
 
     @property
-    def slides(self) -> tuple[SlotJoint, ...]:
-        """Slots of the tree, each with a coordinate."""
-        return tuple(joint for joint in self.tree_joints if isinstance(joint, SlotJoint))
+    def slides(self) -> tuple[Slide, ...]:
+        """The slide coordinates, the last of q."""
+        return tuple(
+            Slide(name, joint, direction)
+            for joint in self.tree_joints
+            for name, direction in zip(joint.slides, joint.free_directions, strict=True)
+        )
 
     @property
-    def tree_joints(self) -> tuple[PinJoint | SlotJoint, ...]:
+    def attitudes(self) -> dict[str, tuple[int | None, float]]:
+        """Of each body (and the ground) the index of the angle that it turns with, and the constant added to it [rad].
+
+        No index: it does not turn.
+        """
+        indices = {name: i for i, name in enumerate(self.angles)}
+        attitudes: dict[str, tuple[int | None, float]] = {GROUND: (None, 0.0)}
+        for body, joint in zip(self.bodies, self.tree_joints, strict=True):
+            if joint.turned_by is None:
+                attitudes[body.name] = (indices[body.angle or ""], 0.0)
+            else:
+                index, turned = attitudes[joint.parent]
+                attitudes[body.name] = (index, turned + joint.turned_by)
+        return attitudes
+
+    @property
+    def gravity_vector(self) -> Vector:
+        """Acceleration of gravity [m/s^2]."""
+        return self.gravity * self.gravity_direction[0], self.gravity * self.gravity_direction[1]
+
+    @property
+    def tree_joints(self) -> tuple[AnyJoint, ...]:
         """Each body's joint in the tree, to its parent, in the order of the bodies."""
         first = {joint.child: joint for joint in reversed(self.joints)}
         return tuple(first[body.name] for body in self.bodies)
 
     @property
-    def loop_joints(self) -> tuple[PinJoint | SlotJoint, ...]:
+    def loop_joints(self) -> tuple[AnyJoint, ...]:
         """Joints that close a loop."""
         tree = {joint.name for joint in self.tree_joints}
         return tuple(joint for joint in self.joints if joint.name not in tree)
 
     @property
     def loop_closure_residual(self) -> dict[str, float]:
-        """Distance at the start of the two points of each joint that closes a loop; of a slot: from its line [m]."""
+        """By how much each joint that closes a loop is open at the start: its points, along what it holds [m]."""
         residuals: dict[str, float] = {}
         for joint in self.loop_joints:
-            child = self._start_position(joint.child, joint.child_point)
-            residual = child - self._start_position(joint.parent, joint.parent_point)
-            across = (residual * complex(*joint.axis).conjugate()).imag if isinstance(joint, SlotJoint) else residual
-            residuals[joint.name] = abs(across)
+            apart = self._start_position(joint.child, joint.child_point)
+            apart -= self._start_position(joint.parent, joint.parent_point)
+            apart *= cmath.exp(1j * self._start_angle(joint.parent))
+            residuals[joint.name] = math.hypot(*((apart * d.conjugate()).real for d in joint.held_directions))
         return residuals
+
+    @property
+    def loop_angle_residual(self) -> dict[str, float]:
+        """By how much each loop joint that holds an angle is turned at the start, full turns apart [rad]."""
+        return {
+            joint.name: abs(math.remainder(self._start_turn(joint) - joint.turned_by, 2 * math.pi))
+            for joint in self.loop_joints
+            if joint.turned_by is not None
+        }
 
     @property
     def loops_apart(self) -> dict[str, float]:
@@ -254,7 +174,7 @@ class Mechanism(Spec):
         """The marker of that name; None if there is none."""
         return next((marker for marker in self.markers if marker.name == name), None)
 
-    def joint_of(self, body: str) -> PinJoint | SlotJoint:
+    def joint_of(self, body: str) -> AnyJoint:
         """A body's joint in the tree, to its parent."""
         return next(joint for joint in self.joints if joint.child == body)
 
@@ -296,11 +216,14 @@ class Mechanism(Spec):
         _refuse_repeats("joint", (joint.name for joint in self.joints))
         _refuse_repeats("stop", (stop.name for stop in self.stops))
         _refuse_repeats("marker", (marker.name for marker in self.markers))
+        _refuse_repeats("force element", (element.name for element in self.force_elements))
+        refuse_other_lengths("gravity_direction", self.gravity_direction)
         self._refuse_unknown_bodies()
         self._refuse_a_broken_tree()
         _refuse_repeats("coordinate", self.coordinates)
         self._refuse_a_start_of_the_wrong_length()
         self._refuse_wrong_gaps()
+        self._refuse_springs_without_direction()
         return self
 
     def _refuse_unknown_bodies(self) -> None:
@@ -308,6 +231,7 @@ class Mechanism(Spec):
         used = [(f"joint {j.name!r}", n) for j in self.joints for n in (j.parent, j.child)]
         used += [(f"stop {s.name!r}", n) for s in self.stops for n in s.bodies]
         used += [(f"marker {m.name!r}", m.body) for m in self.markers]
+        used += [(f"force element {e.name!r}", n) for e in self.force_elements for n in e.bodies]
         for joint in self.joints:
             if joint.child == GROUND:
                 raise ValueError(f"joint {joint.name!r} has the ground as its child; the ground can only be a parent")
@@ -323,12 +247,17 @@ class Mechanism(Spec):
                 raise ValueError(f"body {body.name!r} hangs on no joint")
             if joint.parent not in placed:
                 raise ValueError(f"body {body.name!r} hangs on {joint.parent!r}, which must be listed before it")
-            if isinstance(joint, SlotJoint) and joint.coordinate is None:
-                raise ValueError(f"slot {joint.name!r} carries a body and so needs a coordinate")
+            if len(joint.slides) != len(joint.free_directions):
+                raise ValueError(f"joint {joint.name!r} carries a body and so needs a coordinate for its slide")
+            if joint.holds_angle != (body.angle is None):
+                needs = "no angle of its own" if joint.holds_angle else "a name for its angle"
+                raise ValueError(f"body {body.name!r} hangs on the {joint.kind} joint {joint.name!r} and needs {needs}")
             placed.add(body.name)
         for joint in self.loop_joints:
-            if isinstance(joint, SlotJoint) and joint.coordinate is not None:
-                raise ValueError(f"slot {joint.name!r} closes a loop and so has no coordinate of its own")
+            if isinstance(joint, FreeJoint):
+                raise ValueError(f"free joint {joint.name!r} is not the first of {joint.child!r} and so does nothing")
+            if joint.slides:
+                raise ValueError(f"joint {joint.name!r} closes a loop and so has no coordinate of its own")
 
     def _refuse_a_start_of_the_wrong_length(self) -> None:
         expected = len(self.coordinates)
@@ -356,21 +285,39 @@ class Mechanism(Spec):
             sizes.append(abs(at))
             return at
 
-        angle = {body.name: self.start[i] for i, body in enumerate(self.bodies)}
-        gap = stop.component(angle.__getitem__, position_of) - stop.position
+        gap = stop.component(self._start_angle, position_of) - stop.position
         return gap, _CLOSED_GAP * max(sizes)
+
+    def _refuse_springs_without_direction(self) -> None:
+        for spring in self.force_elements:
+            if not isinstance(spring, SpringDamper) or not (spring.rest_length or spring.damping):
+                continue
+            apart = self._start_position(spring.body, spring.point)
+            apart -= self._start_position(spring.relative_to, spring.relative_point)
+            if abs(apart) <= _CLOSED_GAP:
+                raise ValueError(
+                    f"the points of {spring.name!r} coincide at the start: its force has no direction there"
+                )
+
+    def _start_angle(self, body: str) -> float:
+        """Angle of a body (or the ground) at the start [rad]."""
+        index, turned = self.attitudes[body]
+        return turned if index is None else self.start[index] + turned
+
+    def _start_turn(self, joint: AnyJoint) -> float:
+        return self._start_angle(joint.child) - self._start_angle(joint.parent)
 
     def _start_position(self, body: str, point: Vector) -> complex:
         """Position of a body's point at the start, x + i y [m]."""
         if body == GROUND:
             return complex(*point)
-        start = dict(zip(self.coordinates, self.start, strict=True))
-        joint = self.joint_of(body)
+        start, joint = dict(zip(self.coordinates, self.start, strict=True)), self.joint_of(body)
         position = self._start_position(joint.parent, joint.parent_point)
-        if isinstance(joint, SlotJoint) and joint.coordinate is not None:
-            position += start[joint.coordinate] * complex(*joint.axis)
+        turned = cmath.exp(-1j * self._start_angle(joint.parent))
+        for name, direction in zip(joint.slides, joint.free_directions, strict=True):
+            position += start[name] * direction * turned
         arm = complex(*point) - complex(*joint.child_point)
-        return position + arm * cmath.exp(-1j * start[self.body(body).angle])
+        return position + arm * cmath.exp(-1j * self._start_angle(body))
 
 
 def mechanism_schema() -> str:

@@ -46,6 +46,12 @@ class Problem(Spec):
                     f"start does not fit the joint {name!r}, which closes a loop: its points stand apart by "
                     f"{residual:.3g} m"
                 )
+        for name, residual in self.mechanism.loop_angle_residual.items():
+            if residual > _CLOSED:
+                raise ValueError(
+                    f"start does not fit the joint {name!r}, which closes a loop: its bodies are turned by "
+                    f"{residual:.3g} rad too much or too little"
+                )
         return self
 
     def __init__(self, mechanism: Mechanism, duration: float = 3.0, **fields: object) -> None:

@@ -7,6 +7,10 @@ bodies' centres C, one Hermitian matrix H_ij = conj(w_i) K_ij w_j holds everythi
     b(q,u) = Im(H) (s u^2),  s = 1 on angles   centrifugal forces, on the left: M a + b = Q + G^T lam
     Q(q)   = Re(conj(w) (C^H m) (-i g))        gravity
 
+Slides along lines that turn add a second derivative to w, so that its Jacobian J is not diagonal: then
+H = J^H K J, b = Re(J^H K dJ/dt u) and Q = Re(J^H (C^H m) (-i g)). Force elements add theirs
+(:mod:`..models.applied_forces`).
+
 Constraints (closed stops, loops of joints) enter by the index-1 form of KKT: G a = -gamma. Where some of them follow
 from the others (a beam on three parallel cranks), the accelerations are unique and the multipliers are not: those of
 least norm are taken (:mod:`.dependence`).
@@ -19,14 +23,15 @@ the coordinates, not in the metric of the mass matrix: no force acts here.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
 
+from ..models.applied_forces import AppliedForces
 from ..models.arrays import ComplexArray, FloatArray
 from ..models.errors import SimulationError
-from ..models.kinematics import Kinematics
+from ..models.kinematics import Kinematics, PointFunction, ScalarFunction
 from ..models.mechanism import Mechanism
 from .dependence import Basis, Scales, least_step, scales_of
 
@@ -46,75 +51,121 @@ class Equations:
         self._rate_at_zero = np.where(self._angles > 0, -1j, 1.0 + 0j)
         self._exponent = -1j * self._angles
         self._products: ComplexArray = (centres.conj().T * masses) @ centres
-        self._weights: ComplexArray = -1j * mechanism.gravity * (centres.conj().T @ masses)
+        gravity = mechanism.gravity * complex(*mechanism.gravity_direction)
+        self._weights: ComplexArray = gravity * (centres.conj().T @ masses)
         self._inertias = np.diag(self.kinematics.inertias)
-        closures = self.kinematics.loop_closures
-        # Complex rows L whose Re(L . w) is each loop constraint's rate.
-        self._loops = np.array([row.coefficients for row in closures]).reshape(len(closures), len(self._angles))
-        self._loop_offsets = np.array([row.offset for row in closures], dtype=np.complex128)
+        self._applied = AppliedForces(self.kinematics) if mechanism.force_elements else None
         self._gaps = self.kinematics.gaps
         self._ranks: dict[tuple[str, ...], int] = {}
 
     @cached_property
     def n_loops(self) -> int:
         """Number of scalar constraints of the loop joints."""
-        return len(self._loops)
+        return len(self.kinematics.loop_closures)
+
+    @cached_property
+    def _loops(self) -> ComplexArray | None:
+        """Complex rows L whose Re(L . w) is each loop constraint's rate; None if some are of other kinds."""
+        closures = self.kinematics.loop_closures
+        rows = [closure.coefficients for closure in closures if isinstance(closure, PointFunction)]
+        if self.kinematics.carried or len(rows) < len(closures):
+            return None
+        return np.array(rows, dtype=np.complex128).reshape(len(rows), len(self._angles))
 
     def loop_residual(self, q: FloatArray) -> FloatArray:
-        """Loop-closure residual: difference of each loop joint's two points, by component [m], shape (..., n_loops)."""
-        return (self.kinematics.phasors(q) @ self._loops.T + self._loop_offsets).real
+        """Loop-closure residual: of each constraint of the loop joints [m or rad], shape (..., n_loops)."""
+        return self.kinematics.loop_residual(q)
 
     def _rates(self, q: FloatArray) -> ComplexArray:
-        return self._rate_at_zero * np.exp(self._exponent * q)
+        rates = self._rate_at_zero * np.exp(self._exponent * q)
+        for k, c in self.kinematics.carried:
+            rates[..., k] = 1j * rates[..., c]
+        return rates
 
     def mass_matrix(self, q: FloatArray) -> FloatArray:
         """M(q), shape (..., n_q, n_q)."""
-        return self._quadratic(self._rates(q)).real + self._inertias
+        return self._quadratic(q, self._rates(q)).real + self._inertias
 
     def bias(self, q: FloatArray, u: FloatArray) -> FloatArray:
         """b(q, u): centrifugal forces on the left-hand side, shape (..., n_q)."""
-        return self._bias(self._quadratic(self._rates(q)), u)
+        rates = self._rates(q)
+        return self._bias(q, u, rates, self._quadratic(q, rates))
 
     def gravity_forces(self, q: FloatArray) -> FloatArray:
         """Q(q): generalized forces of gravity, shape (..., n_q)."""
-        return (self._rates(q).conj() * self._weights).real
+        return self._gravity_forces(q, self._rates(q))
+
+    def _gravity_forces(self, q: FloatArray, rates: ComplexArray) -> FloatArray:
+        return self.kinematics.gradient(self._weights.conj(), q, rates).real
+
+    def applied_forces(self, q: FloatArray, u: FloatArray) -> FloatArray:
+        """Generalized forces of the force elements, shape (..., n_q)."""
+        return np.zeros_like(q) if self._applied is None else self._applied.generalized(q, u)
+
+    def applied_on_bodies(self, q: FloatArray, u: FloatArray) -> dict[str, FloatArray]:
+        """Resultant force of the force elements on each body that one acts on, world frame [N], shape (..., 2)."""
+        return {} if self._applied is None else self._applied.on_bodies(q, u)
 
     def potential_energy(self, q: FloatArray) -> FloatArray:
-        """Potential energy of gravity [J], zero at the world's origin, shape (...,)."""
-        return self.kinematics.potential_energy(q)
+        """Potential energy of gravity, zero at the world's origin, and of the springs [J], shape (...,)."""
+        of_gravity = self.kinematics.potential_energy(q)
+        return of_gravity if self._applied is None else of_gravity + self._applied.potential_energy(q)
 
     def forces(self, q: FloatArray, u: FloatArray) -> FloatArray:
         """Q(q) - b(q, u), and what a fault adds to them: all generalized forces but the constraints', (..., n_q)."""
         rates = self._rates(q)
-        return self._forces(q, u, rates, self._quadratic(rates))
+        return self._forces(q, u, rates, self._quadratic(q, rates))
 
     def _forces(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
         """Q - b: generalized forces without the constraints', shape (..., n_q)."""
-        return (rates.conj() * self._weights).real - self._bias(quadratic, u)
+        forces = self._gravity_forces(q, rates) - self._bias(q, u, rates, quadratic)
+        return forces if self._applied is None else forces + self._applied.generalized(q, u, rates)
 
-    def _quadratic(self, rates: ComplexArray) -> ComplexArray:
-        return rates.conj()[..., :, None] * self._products * rates[..., None, :]
+    def _quadratic(self, q: FloatArray, rates: ComplexArray) -> ComplexArray:
+        """J^H K J, shape (..., n_q, n_q)."""
+        if not self.kinematics.carried:
+            return rates.conj()[..., :, None] * self._products * rates[..., None, :]
+        jacobian = self._jacobian(q, rates)
+        return np.swapaxes(jacobian.conj(), -1, -2) @ self._products @ jacobian
 
-    def _bias(self, quadratic: ComplexArray, u: FloatArray) -> FloatArray:
-        return (quadratic.imag @ (self._angles * u * u)[..., None])[..., 0]
+    def _jacobian(self, q: FloatArray, rates: ComplexArray) -> ComplexArray:
+        """J = dw/dq, shape (..., n_q, n_q)."""
+        jacobian = rates[..., None, :] * np.eye(len(self._angles))
+        for k, c in self.kinematics.carried:
+            jacobian[..., k, c] = -1j * q[..., k] * rates[..., k]
+        return jacobian
+
+    def _bias(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
+        if not self.kinematics.carried:
+            return (quadratic.imag @ (self._angles * u * u)[..., None])[..., 0]
+        forces = self.kinematics.curvature(q, u, rates) @ self._products.T
+        return self.kinematics.gradient(forces.conj(), q, rates).real
 
     def constraint_jacobian(self, q: FloatArray, closed: Sequence[str]) -> FloatArray:
         """G(q): loop joints first, then the gaps of the closed stops, shape (..., n_constraints, n_q)."""
         rates = self._rates(q)
-        loops = (self._loops * rates[..., None, :]).real
-        gaps = np.empty((*q.shape[:-1], len(closed), len(self._angles)))
-        for k, name in enumerate(closed):
-            gaps[..., k, :] = self._gaps[name].jacobian(rates)
-        return np.concatenate([loops, gaps], axis=-2)
+        jacobian = np.empty((*q.shape[:-1], self.n_loops + len(closed), len(self._angles)))
+        if self._loops is not None:
+            jacobian[..., : self.n_loops, :] = (self._loops * rates[..., None, :]).real
+        for k, function in self._functions(closed):
+            jacobian[..., k, :] = function.jacobian(q, rates)
+        return jacobian
 
     def constraint_bias(self, q: FloatArray, u: FloatArray, closed: Sequence[str]) -> FloatArray:
         """gamma(q, u) = dG/dt u; 0 for gaps of angles, which are linear in q; shape (..., n_constraints)."""
-        curvature = -1j * self._angles * self._rates(q) * u * u
-        loops = (curvature @ self._loops.T).real
-        gaps = np.empty((*q.shape[:-1], len(closed)))
-        for k, name in enumerate(closed):
-            gaps[..., k] = self._gaps[name].bias(curvature)
-        return np.concatenate([loops, gaps], axis=-1)
+        curvature = self.kinematics.curvature(q, u, self._rates(q))
+        bias = np.empty((*q.shape[:-1], self.n_loops + len(closed)))
+        if self._loops is not None:
+            bias[..., : self.n_loops] = (curvature @ self._loops.T).real
+        for k, function in self._functions(closed):
+            bias[..., k] = function.bias(q, u, curvature)
+        return bias
+
+    def _functions(self, closed: Sequence[str]) -> Iterator[tuple[int, ScalarFunction]]:
+        """Constraints that are taken one by one, with their row: the stops', and loops' that do not stand in L."""
+        if self._loops is None:
+            yield from enumerate(self.kinematics.loop_closures)
+        yield from enumerate((self._gaps[name] for name in closed), start=self.n_loops)
 
     def solve(self, q: FloatArray, u: FloatArray, closed: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         """Accelerations and multipliers under the loop joints and the closed stops.
@@ -124,7 +175,7 @@ class Equations:
             conjugate to the constraints [N or N m].
         """
         rates = self._rates(q)
-        quadratic = self._quadratic(rates)
+        quadratic = self._quadratic(q, rates)
         mass = quadratic.real + self._inertias
         forces = self._forces(q, u, rates, quadratic)
         if self.n_loops + len(closed) == 0:
@@ -160,9 +211,11 @@ class Equations:
         return self._scales(names).basis(self.constraint_jacobian(q, names), self._ranks[names])
 
     def _scales(self, closed: Sequence[str]) -> Scales:
-        stops = [np.abs(self._gaps[name].coefficients) for name in closed]
+        functions = (*self.kinematics.loop_closures, *(self._gaps[name] for name in closed))
         inertia = np.diag(self._products).real + np.diag(self._inertias)
-        return scales_of(inertia, np.array([*np.abs(self._loops), *stops]).reshape(-1, len(inertia)))
+        for k, c in self.kinematics.carried:  # with the slide at 1 m
+            inertia[c] += inertia[k]
+        return scales_of(inertia, np.array([f.amplitudes for f in functions]).reshape(-1, len(inertia)))
 
     def rank(self, q: FloatArray, closed: Sequence[str]) -> int:
         """Number of independent constraints in one position, shape (n_q,)."""

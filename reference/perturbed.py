@@ -27,7 +27,7 @@ TOLERANCE = 1e-12
 class WithoutCentrifugal(Equations):
     """The equations with their centrifugal (and so all velocity-dependent) forces left out."""
 
-    def _bias(self, quadratic: object, u: FloatArray) -> FloatArray:
+    def _bias(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
         return np.zeros_like(u)
 
 
@@ -54,18 +54,14 @@ class WithJoint(Equations):
     ) -> None:
         super().__init__(mechanism)
         perturbed_joint = next(j for j in mechanism.joints if j.name == joint)
-        row = np.zeros(len(mechanism.coordinates))
-        bodies = [body.name for body in mechanism.bodies]
-        row[bodies.index(perturbed_joint.child)] = 1.0
-        if perturbed_joint.parent in bodies:
-            row[bodies.index(perturbed_joint.parent)] = -1.0
+        row = self.kinematics.angle(perturbed_joint.child, perturbed_joint.parent).coefficients
         self._row, self._stiffness, self._torque = row, stiffness, torque
         self._relaxed = float(row @ np.array(mechanism.start))
         self._damping = damping * np.outer(row, row)
         self._inertias = self._inertias + armature * np.outer(row, row)
 
-    def _bias(self, quadratic: ComplexArray, u: FloatArray) -> FloatArray:
-        return super()._bias(quadratic, u) + u @ self._damping
+    def _bias(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
+        return super()._bias(q, u, rates, quadratic) + u @ self._damping
 
     def _forces(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
         torque = self._torque - self._stiffness * (q @ self._row - self._relaxed)

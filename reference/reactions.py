@@ -8,14 +8,16 @@ import numpy as np
 
 from ..models.arrays import FloatArray
 from ..models.errors import UnsupportedProblemError
-from ..models.mechanism import Mechanism, SlotJoint
+from ..models.joints import GROUND
+from ..models.kinematics import Kinematics
 from .equations import Equations
 
 _TAKES_PART = 1e-6  # of the largest component of multipliers that exert no force
 
 
 def joint_reactions(
-    mechanism: Mechanism,
+    kinematics: Kinematics,
+    q: FloatArray,
     needed: Mapping[str, FloatArray],
     loop_multipliers: FloatArray,
     stop_torques: Mapping[str, FloatArray],
@@ -23,38 +25,51 @@ def joint_reactions(
     """Force on each joint's child, world frame [N], shape (n, 2), by Newton's law for its subtree.
 
     Args:
-        needed: force that each body's momentum needs beyond gravity [N], shape (n, 2).
-        loop_multipliers: shape (n, n_loops) [N].
+        q: coordinates, shape (n, n_q).
+        needed: force that each body's momentum needs beyond gravity and force elements [N], shape (n, 2).
+        loop_multipliers: shape (n, n_loops) [N or N m].
         stop_torques: of all stops [N m, N of one on a point], shape (n,).
     """
-    left = dict(needed)
-    loops = _loop_forces(mechanism, loop_multipliers)
+    mechanism, left = kinematics.mechanism, dict(needed)
+    loops = _loop_forces(kinematics, q, loop_multipliers)
     for joint in mechanism.loop_joints:
-        left[joint.child] = left[joint.child] - loops[joint.name]
-        if joint.parent in left:
-            left[joint.parent] = left[joint.parent] + loops[joint.name]
+        _act(left, joint.child, joint.parent, loops[joint.name])
     for stop in mechanism.point_stops:
-        if stop.body in left:
-            left[stop.body] = left[stop.body] - stop_torques[stop.name][:, None] * np.array(stop.normal)
+        normal = _in_world(kinematics, q, stop.relative_to, complex(*stop.normal))
+        _act(left, stop.body, stop.relative_to, stop_torques[stop.name][:, None] * normal)
     tree = {
         joint.name: np.sum([left[body.name] for body in mechanism.subtree(joint.child)], axis=0)
         for joint in mechanism.tree_joints
+        if joint.held_directions
     }
     return tree | loops
 
 
-def _loop_forces(mechanism: Mechanism, multipliers: FloatArray) -> dict[str, FloatArray]:
+def _act(left: dict[str, FloatArray], body: str, other: str, force: FloatArray) -> None:
+    """Take a known force on a body, and the opposite one on another, off what they need."""
+    for name, sign in ((body, -1.0), (other, 1.0)):
+        if name in left:
+            left[name] = left[name] + sign * force
+
+
+def _in_world(kinematics: Kinematics, q: FloatArray, body: str, direction: complex) -> FloatArray:
+    """A direction of a body's frame (or the ground's) in the world, shape (n, 2)."""
+    turned = direction * np.exp(-1j * kinematics.angle(body).value(q))
+    return np.stack([turned.real, turned.imag], axis=-1)
+
+
+def _loop_forces(kinematics: Kinematics, q: FloatArray, multipliers: FloatArray) -> dict[str, FloatArray]:
     """Force of each loop joint on its child [N], from its multipliers."""
     forces: dict[str, FloatArray] = {}
     column = 0
-    for joint in mechanism.loop_joints:
-        if isinstance(joint, SlotJoint):
-            normal = np.array([-joint.axis[1], joint.axis[0]])
-            forces[joint.name] = multipliers[:, column, None] * normal
+    for joint in kinematics.mechanism.loop_joints:
+        frame = joint.parent if joint.free_directions else GROUND
+        force = np.zeros((len(q), 2))
+        for direction in joint.held_directions:
+            force = force + multipliers[:, column, None] * _in_world(kinematics, q, frame, direction)
             column += 1
-        else:
-            forces[joint.name] = multipliers[:, column : column + 2]
-            column += 2
+        column += joint.holds_angle
+        forces[joint.name] = force
     return forces
 
 
@@ -71,7 +86,8 @@ def undetermined_forces(
     mechanism, null, n_l = equations.mechanism, basis.null, equations.n_loops
     stops = {stop.name: np.zeros(len(null)) for stop in mechanism.stops} | dict(zip(closed, null.T[n_l:], strict=True))
     still = {body.name: np.zeros((len(null), 2)) for body in mechanism.bodies}
-    forces = joint_reactions(mechanism, still, null[:, :n_l], stops)
+    states = np.broadcast_to(q, (len(null), len(q)))
+    forces = joint_reactions(equations.kinematics, states, still, null[:, :n_l], stops)
     least = _TAKES_PART * np.abs(null).max(initial=0.0)
     joints = tuple(name for name, force in forces.items() if np.abs(force).max(initial=0.0) > least)
     return joints, tuple(name for name in closed if np.abs(stops[name]).max(initial=0.0) > least)

@@ -102,12 +102,13 @@ class Solution:
     def joint_reactions(self, motion: Motion) -> dict[str, FloatArray]:
         """Force on each joint's child, world frame [N], shape (n, 2), by Newton's law for its subtree."""
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
-        weight = np.array([0.0, mechanism.gravity])
+        gravity, applied = np.array(mechanism.gravity_vector), self.equations.applied_on_bodies(motion.q, motion.u)
         needed: dict[str, FloatArray] = {}
         for body in mechanism.bodies:
             centre = kinematics.point(body.name, body.centre)
-            needed[body.name] = body.mass * (kinematics.acceleration(centre, motion.q, motion.u, motion.a) + weight)
-        return joint_reactions(mechanism, needed, motion.loop_multipliers, motion.stop_torques)
+            acceleration = kinematics.acceleration(centre, motion.q, motion.u, motion.a)
+            needed[body.name] = body.mass * (acceleration - gravity) - applied.get(body.name, 0.0)
+        return joint_reactions(kinematics, motion.q, needed, motion.loop_multipliers, motion.stop_torques)
 
     @property
     def undetermined_joints(self) -> tuple[str, ...]:

@@ -15,9 +15,11 @@ import numpy as np
 import trebucheck as tb
 from mechanisms import pin
 from trebucheck.models.arrays import FloatArray
+from trebucheck.models.joints import GROUND, SlotJoint
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.launch import Launch
-from trebucheck.models.mechanism import GROUND, Body, Marker, PointStop, SlotJoint, Stop
+from trebucheck.models.mechanism import Body, Marker
+from trebucheck.models.stops import PointStop, Stop
 from trebucheck.models.trajectory import PointMotion, Provenance
 
 RELEASE, TURN, ARM = 0.5, 1.0, 2.0

@@ -7,10 +7,12 @@ import functools
 import math
 
 import numpy as np
+from trebucheck.models.joints import GROUND, PinJoint, SlotJoint
 from trebucheck.models.machines.trebuchet import PROJECTILE, fixed, rolling
-from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint, Stop
+from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.models.spec import Vector
+from trebucheck.models.stops import PointStop, Stop
 from trebucheck.models.trajectory import Trajectory
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve

@@ -108,7 +108,7 @@ def figures(comparison: Comparison, machine: Machine) -> Iterator[Figure]:
 def _quantities(machine: Machine) -> Iterator[tuple[str, str, str, dict[str, Quantity]]]:
     """Title, sentence, unit and quantities of the plots over time."""
     mechanism = machine.mechanism
-    angles = {body.angle: _coordinate(i) for i, body in enumerate(mechanism.bodies)}
+    angles = {name: _coordinate(i) for i, name in enumerate(mechanism.angles)}
     yield "Angles", "Absolute, positive clockwise.", "rad", angles
     closed = {unit: [s for s in mechanism.stops if s.closed and s.force_unit == unit] for unit in ("N m", "N")}
     text = "At least 0 while the contact of the stop is active, 0 once it is released."

@@ -11,8 +11,9 @@ from pydantic import TypeAdapter
 
 from ...models.errors import InputError
 from ...models.kinematics import Kinematics
-from ...models.mechanism import AnyStop, Mechanism, PointStop, Stop
+from ...models.mechanism import Mechanism
 from ...models.spec import Vector
+from ...models.stops import AnyStop, PointStop, Stop
 from ...reference.equations import Equations, consistent_coordinates
 
 _STOPS = TypeAdapter[tuple[Stop | PointStop, ...]](tuple[AnyStop, ...])

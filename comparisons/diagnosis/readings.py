@@ -10,8 +10,8 @@ from itertools import combinations
 import numpy as np
 
 from ...models.arrays import FloatArray
+from ...models.joints import GROUND
 from ...models.kinematics import Kinematics
-from ...models.mechanism import GROUND
 from ...models.spec import Vector
 from ...models.trajectory import PointMotion, Trajectory
 from ...reference.solution import Solution

@@ -14,11 +14,12 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ...models.joints import AnyJoint, SlotJoint
 from ...models.kinematics import initial_state
 from ...models.machines.parameters import TrebuchetParameters
 from ...models.machines.registry import model
 from ...models.machines.trebuchet import parameters_of
-from ...models.mechanism import Mechanism, PinJoint, SlotJoint
+from ...models.mechanism import Mechanism
 from ...reference.equations import Equations, consistent_speeds
 from ..runs.results import Cause
 from .consistent import consistent_mechanism
@@ -192,7 +193,7 @@ def mechanism_length(mechanism: Mechanism) -> float:
     return max(math.hypot(*point) for point in points) or 1.0
 
 
-def _shifted(mechanism: Mechanism, joint: PinJoint | SlotJoint) -> Iterator[Suspect]:
+def _shifted(mechanism: Mechanism, joint: AnyJoint) -> Iterator[Suspect]:
     """A loop joint's points, moved a little along each axis of their frames: more than a change of length."""
     for end in ("parent", "child"):
         for point, axis in zip(_aside(getattr(joint, f"{end}_point")), "xy", strict=True):

@@ -18,8 +18,8 @@ import numpy as np
 from scipy.integrate import trapezoid
 
 from ...models.arrays import BoolArray, FloatArray
+from ...models.joints import GROUND, SlotJoint
 from ...models.launch import LAUNCH_ANGLE
-from ...models.mechanism import GROUND, SlotJoint
 from ...models.problem import StopLaw
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution

@@ -6,8 +6,9 @@ import math
 from collections.abc import Iterator
 from itertools import chain
 
+from ...models.joints import PinJoint
 from ...models.machines.trebuchet import FULCRUM
-from ...models.mechanism import Mechanism, PinJoint
+from ...models.mechanism import Mechanism
 from ...reference.throw.members import MemberForce, SupportForce
 from ...reference.throw.throw import FlightFigures, LaunchFigures, Performance, Sensitivity, Throw, origin, spoken
 from ...version import __version__

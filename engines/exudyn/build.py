@@ -16,10 +16,12 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import UnsupportedProblemError
+from ...models.joints import GROUND, Joint, SlotJoint
 from ...models.kinematics import Kinematics, initial_state
-from ...models.mechanism import GROUND, Joint, Marker, Mechanism, PointStop, SlotJoint, Stop
+from ...models.mechanism import Marker, Mechanism
 from ...models.problem import StopLaw
 from ...models.spec import Vector
+from ...models.stops import PointStop, Stop
 from ..contact_events import Contacts, refuse_moving_gaps
 from .constraints import AngleLimit, PointContact, SensorKey, Spring, UnilateralConstraint
 

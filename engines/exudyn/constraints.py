@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.mechanism import AnyStop, PointStop, Stop
+from ...models.stops import AnyStop, PointStop, Stop
 
 ROUNDING = 1e-15  # [rad] of the difference of two angles of some radians; [m per m] of a point's position
 

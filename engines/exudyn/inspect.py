@@ -14,7 +14,7 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
 from ...models.kinematics import Kinematics
-from ...models.mechanism import Mechanism, SlotJoint
+from ...models.mechanism import Mechanism, Slide
 from ..inspection import Dynamics, Inspection, State
 from .build import System, build, exu, silence
 from .constraints import Spring
@@ -118,12 +118,13 @@ class _Inspector:
         main, mechanism, variable = self.system.main, self.system.mechanism, exu.OutputVariableType
         nodes = [self.system.nodes[name] for name in self._names]
         angles = [-float(main.GetNodeOutput(node, variable.Coordinates_tt)[2]) for node in nodes]
-        return np.array([*angles, *(self._along(joint) for joint in mechanism.slides)])
+        return np.array([*angles, *(self._along(slide) for slide in mechanism.slides)])
 
-    def _along(self, joint: SlotJoint) -> float:
+    def _along(self, slide: Slide) -> float:
+        joint = slide.joint
         body, local = self.system.bodies[joint.child], self.system.local(joint.child, joint.child_point)
         point = self.system.main.GetObjectOutputBody(body, exu.OutputVariableType.Acceleration, local)
-        return float(np.dot(np.asarray(point)[:2], joint.axis))
+        return float((complex(*np.asarray(point)[:2]) * slide.direction.conjugate()).real)
 
     def _placed(self, q: FloatArray) -> FloatArray:
         """z(q), shape (3 n_bodies,)."""

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.mechanism import Joint, SlotJoint
+from ...models.joints import AnyJoint, Joint, SlotJoint
+from ...models.mechanism import Slide
 from ...models.trajectory import PointMotion
 from ..contact_events import ContactEvents
 from ..protocol import Recording
@@ -69,13 +70,16 @@ class Reader:
     def coordinates(self) -> FloatArray:
         """q, shape (n, n_q); Exudyn's rotations are anticlockwise."""
         angles = [-self.scalar("body", body.name, "CoordinatesTotal", 2) for body in self.system.mechanism.bodies]
-        slides = [self._along(joint) for joint in self.system.mechanism.slides]
+        slides = [self._along(slide) for slide in self.system.mechanism.slides]
         return np.stack([*angles, *slides], axis=-1)
 
     def speeds(self) -> FloatArray:
         """u, shape (n, n_q)."""
         angles = [-self.scalar("body", body.name, "Coordinates_t", 2) for body in self.system.mechanism.bodies]
-        slides = [self.plane("joint", j.name, "Velocity") @ np.array(j.axis) for j in self.system.mechanism.slides]
+        slides = [
+            self.plane("joint", slide.joint.name, "Velocity") @ _vector(slide.direction)
+            for slide in self.system.mechanism.slides
+        ]
         return np.stack([*angles, *slides], axis=-1)
 
     def potential_energy(self) -> FloatArray:
@@ -104,8 +108,12 @@ class Reader:
             return np.abs(self._from_slot(joint) @ np.array([-joint.axis[1], joint.axis[0]]))
         return np.linalg.norm(self.plane("joint", joint.name, "Displacement"), axis=1)
 
-    def _along(self, joint: SlotJoint) -> FloatArray:
-        return self._from_slot(joint) @ np.array(joint.axis)
+    def _along(self, slide: Slide) -> FloatArray:
+        return self._from_slot(slide.joint) @ _vector(slide.direction)
 
-    def _from_slot(self, joint: SlotJoint) -> FloatArray:
+    def _from_slot(self, joint: AnyJoint) -> FloatArray:
         return self.plane("joint", joint.name, "Position") - np.array(joint.parent_point)
+
+
+def _vector(direction: complex) -> FloatArray:
+    return np.array([direction.real, direction.imag])

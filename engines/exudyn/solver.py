@@ -205,6 +205,6 @@ class Solver:
 def _has_redundant_constraints(mechanism: Mechanism) -> bool:
     """Whether some of the joints, and of the stops that touch at the start, follow from the others."""
     kinematics, (q, _) = Kinematics(mechanism), initial_state(mechanism)
-    rows = [(kinematics.rates(q) * closure.coefficients).real for closure in kinematics.loop_closures]
+    rows = [*kinematics.loop_jacobian(q)]
     rows += [kinematics.gap_jacobian(stop.name, q) for stop in mechanism.stops if stop.closed]
     return len(rows) > 1 and int(np.linalg.matrix_rank(np.array(rows), rtol=DEPENDENT)) < len(rows)

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.mechanism import Mechanism, PointStop, Stop
+from ...models.mechanism import Mechanism
 from ...models.mjcf.points import RAIL_SIDES, Points, rail_contact, torque_sensor
 from ...models.mjcf.writer import FAR, MARGIN
+from ...models.stops import PointStop, Stop
 from .reference_acceleration import ReferenceAccelerationCorrection, mujoco
 
 

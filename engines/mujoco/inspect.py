@@ -76,8 +76,9 @@ class _Built:
         data = start_data(self.model)
         mujoco.mj_kinematics(self.model, data)
         q = [self._angle(data, body.name) for body in self.mechanism.bodies]
-        for slot in self.mechanism.slides:
-            q.append(float(np.dot(self._joint_position(data, slot.child) - slot.parent_point, slot.axis)))
+        for slide in self.mechanism.slides:
+            apart = self._joint_position(data, slide.joint.child) - slide.joint.parent_point
+            q.append(float((complex(*apart) * slide.direction.conjugate()).real))
         turns = np.round((np.array(self.mechanism.start) - q) / (2 * np.pi))
         turns[len(self.mechanism.bodies) :] = 0.0
         return np.array(q) + 2 * np.pi * turns, self.sums @ data.qvel

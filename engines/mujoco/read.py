@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.mechanism import Mechanism, PinJoint, SlotJoint
+from ...models.joints import AnyJoint
+from ...models.mechanism import Mechanism
 from ...models.mjcf.writer import (
     KINETIC_ENERGY,
     POTENTIAL_ENERGY,
@@ -94,7 +95,7 @@ class _Reader:
         tree = {joint.name: self._in_world(joint, angles) for joint in self.mechanism.tree_joints}
         return tree | {joint.name: -self._in_world(joint, angles) for joint in self.mechanism.loop_joints}
 
-    def _in_world(self, joint: PinJoint | SlotJoint, angles: Mapping[str, FloatArray]) -> FloatArray:
+    def _in_world(self, joint: AnyJoint, angles: Mapping[str, FloatArray]) -> FloatArray:
         """A force sensor's values in the world frame, shape (n, 2)."""
         a, b = self.sensor(force_sensor(joint.name))[:, IN_PLANE].T
         cos, sin = np.cos(angles[joint.child]), np.sin(angles[joint.child])
@@ -136,6 +137,6 @@ def absolute_from_relative(mechanism: Mechanism, model: Any) -> FloatArray:
     for i, body in enumerate(mechanism.bodies):
         for joint in hinge_chain(mechanism, body.name):
             matrix[i, model.joint(joint).dofadr[0]] = 1.0
-    for i, slot in enumerate(mechanism.slides, start=len(mechanism.bodies)):
-        matrix[i, model.joint(slide_joint(slot.name)).dofadr[0]] = 1.0
+    for i, slide in enumerate(mechanism.slides, start=len(mechanism.bodies)):
+        matrix[i, model.joint(slide_joint(slide.joint.name)).dofadr[0]] = 1.0
     return matrix

@@ -202,9 +202,7 @@ class UnilateralStepper(Stepper):
 
     def _loops(self, q: FloatArray) -> FloatArray:
         """Jacobian of the joints that close loops, shape (n_loops, n_v)."""
-        rates = self.kinematics.rates(q)
-        rows = [(rates * closure.coefficients).real @ self.sums for closure in self.kinematics.loop_closures]
-        return np.reshape(rows, (-1, self.model.nv))
+        return self.kinematics.loop_jacobian(q) @ self.sums
 
 
 def root_in(function: Callable[[float], float], low: float, high: float) -> float:

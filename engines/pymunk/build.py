@@ -24,8 +24,10 @@ from pymunk import constraints
 
 from ...models.arrays import FloatArray
 from ...models.errors import UnsupportedProblemError
+from ...models.joints import GROUND, AnyJoint, PinJoint, SlotJoint
 from ...models.kinematics import Kinematics, initial_state
-from ...models.mechanism import GROUND, Body, Mechanism, PinJoint, PointStop, SlotJoint, Stop
+from ...models.mechanism import Body, Mechanism
+from ...models.stops import PointStop, Stop
 
 _SAME_POINT = 1e-12  # [m]
 _SLIDING_LENGTH = 1.0  # [m] length of the rod that keeps a point on a line
@@ -183,7 +185,7 @@ class _Builder:
     def _is_brace(self, stop: Stop, body: str) -> bool:
         return set(stop.bodies) == {body, self.joints[body].parent}
 
-    def _turning(self, body: Body, own: _Weights, joint: PinJoint | SlotJoint) -> _Weights:
+    def _turning(self, body: Body, own: _Weights, joint: AnyJoint) -> _Weights:
         if own.inertia <= 0:
             raise UnsupportedProblemError(
                 f"pymunk cannot turn the body {body.name!r}, whose inertia is 0: it can only be a point mass at "
@@ -246,7 +248,7 @@ class _Builder:
         for direction in (1, 1j):
             self._add_rod(self._rod(still, at, turning, point + direction, 1.0))
 
-    def _add_loop_joint(self, joint: PinJoint | SlotJoint) -> None:
+    def _add_loop_joint(self, joint: AnyJoint) -> None:
         """A joint that closes a loop."""
         at, point = complex(*joint.parent_point), complex(*joint.child_point)
         if isinstance(joint, SlotJoint):

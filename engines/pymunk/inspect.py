@@ -19,8 +19,10 @@ import pymunk
 from pymunk import constraints
 
 from ...models.arrays import FloatArray
+from ...models.joints import GROUND, PinJoint
 from ...models.kinematics import Kinematics, initial_state
-from ...models.mechanism import GROUND, Mechanism, PinJoint, PointStop, Stop
+from ...models.mechanism import Mechanism
+from ...models.stops import PointStop, Stop
 from ..inspection import Dynamics, Inspection, State
 from .build import Assembly, Rod, build
 from .leapfrog import STEP, settled_increment

@@ -19,9 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.arrays import ComplexArray, FloatArray
+from ...models.joints import GROUND, SlotJoint
 from ...models.kinematics import Kinematics
-from ...models.mechanism import GROUND, Mechanism, SlotJoint, Stop
+from ...models.mechanism import Mechanism
 from ...models.spec import Vector
+from ...models.stops import Stop
 from ...models.trajectory import PointMotion
 from ..contact_events import Contacts
 from .build import Assembly, Part
@@ -117,10 +119,10 @@ class Reading:
         """Coordinates q and speeds u, shape (n, n_q)."""
         q = [self.frames[body.name].q for body in self.mechanism.bodies]
         u = [self.frames[body.name].u for body in self.mechanism.bodies]
-        for joint in self.mechanism.slides:
-            pin, axis = self.point(joint.child, joint.child_point), complex(*joint.axis)
-            q.append(((pin.position - complex(*joint.parent_point)) * axis.conjugate()).real)
-            u.append((pin.velocity * axis.conjugate()).real)
+        for slide in self.mechanism.slides:
+            pin, along = self.point(slide.joint.child, slide.joint.child_point), slide.direction.conjugate()
+            q.append(((pin.position - complex(*slide.joint.parent_point)) * along).real)
+            u.append((pin.velocity * along).real)
         return np.stack(q, axis=-1), np.stack(u, axis=-1)
 
     def markers(self) -> dict[str, PointMotion]:
@@ -143,9 +145,9 @@ class Reading:
     def accelerations(self) -> FloatArray:
         """Second derivatives of the coordinates, shape (n, n_q) [rad/s^2 or m/s^2]."""
         accelerations = [self.frames[body.name].a for body in self.mechanism.bodies]
-        for slot in self.mechanism.slides:
-            pin = self.point(slot.child, slot.child_point).acceleration
-            accelerations.append((pin * complex(*slot.axis).conjugate()).real)
+        for slide in self.mechanism.slides:
+            pin = self.point(slide.joint.child, slide.joint.child_point).acceleration
+            accelerations.append((pin * slide.direction.conjugate()).real)
         return np.stack(accelerations, axis=-1)
 
     def gaps(self) -> dict[str, FloatArray]:
@@ -306,13 +308,13 @@ def _missing(reading: Reading, needed: Mapping[str, ComplexArray]) -> FloatArray
     mechanism = reading.mechanism
     reactions = _tree_reactions(mechanism, needed)
     couples = [_couple(reading, body.name, reactions) for body in mechanism.bodies]
-    along = [(reactions[slot.name] * complex(*slot.axis).conjugate()).real for slot in mechanism.slides]
+    along = [(reactions[slide.joint.name] * slide.direction.conjugate()).real for slide in mechanism.slides]
     return np.stack([*couples, *along], axis=-1)
 
 
 def _rows(kinematics: Kinematics, q: FloatArray, active: Contacts) -> FloatArray:
     """G: Jacobian of the loop joints' gaps and of the active stops', shape (n, n_constraints, n_q)."""
-    rows = [(kinematics.rates(q) * closure.coefficients).real for closure in kinematics.loop_closures]
+    rows = list(np.moveaxis(kinematics.loop_jacobian(q), -2, 0))
     rows += [kinematics.gap_jacobian(name, q) for name in active]
     return np.stack(rows, axis=-2)
 

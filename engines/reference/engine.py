@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from ...models.arrays import FloatArray
+from ...models.features import Feature
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.spec import Real
@@ -44,6 +45,7 @@ class ReferenceEngine(BuiltinEngine):
         located_releases=True,
         stop_laws=frozenset(StopLaw),
         formulation="minimal absolute angles, stops by KKT, DOP853 with located events",
+        features=frozenset(Feature),
     )
     # A newcomer to SciPy asks for DOP853 with tolerances that sound tight.
     stock_options: ClassVar[Mapping[str, object]] = {"rtol": 1e-9, "atol": 1e-9}
@@ -88,7 +90,8 @@ def _redundant_dynamics(mechanism: Mechanism, state: State) -> Dynamics:
     y = system.start
     a = system.rates(y, state.closed)[system.n :]
     slides = [
-        float(np.dot(joint.axis, system.point(y, a, joint.child, joint.child_point)[2])) for joint in mechanism.slides
+        float((complex(*system.point(y, a, s.joint.child, s.joint.child_point)[2]) * s.direction.conjugate()).real)
+        for s in mechanism.slides
     ]
     torques = system.torques(y, state.closed)
     return Dynamics(

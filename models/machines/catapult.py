@@ -6,7 +6,8 @@ import math
 
 from pydantic import Field
 
-from ..mechanism import GROUND, Marker, Mechanism, PinJoint
+from ..joints import GROUND, PinJoint
+from ..mechanism import Marker, Mechanism
 from ..spec import Positive, Spec
 from .parameters import Angle
 from .trebuchet import COUNTERWEIGHT, FULCRUM, PROJECTILE, loaded_arm

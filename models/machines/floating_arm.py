@@ -10,8 +10,10 @@ import math
 
 from pydantic import Field
 
-from ..mechanism import Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint
+from ..joints import PinJoint, SlotJoint
+from ..mechanism import Body, Marker, Mechanism
 from ..spec import Positive, Spec
+from ..stops import PointStop
 from .parameters import Angle
 from .trebuchet import COUNTERWEIGHT, PROJECTILE, SLING_PIN, TROUGH, loaded_arm
 

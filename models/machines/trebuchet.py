@@ -13,8 +13,10 @@ from collections.abc import Mapping
 from pydantic import Field
 
 from ..errors import InputError
-from ..mechanism import GROUND, Body, Marker, Mechanism, PinJoint, PointStop, SlotJoint, Stop
+from ..joints import GROUND, PinJoint, SlotJoint
+from ..mechanism import Body, Marker, Mechanism
 from ..spec import Positive, Spec
+from ..stops import PointStop, Stop
 from .parameters import Angle, TrebuchetParameters
 
 FULCRUM, SLING_PIN, HANGER_PIN = "fulcrum", "sling pin", "hanger pin"

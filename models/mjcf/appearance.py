@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 
+from ..joints import AnyJoint, SlotJoint
 from ..kinematics import Kinematics
-from ..mechanism import Body, Mechanism, PinJoint, SlotJoint
+from ..mechanism import Body, Mechanism
 from ..spec import Vector
 from .text import as_text, from_origin, number, numbers
 
@@ -56,7 +57,7 @@ def add_shapes(mechanism: Mechanism, element: ET.Element, body: Body, origin: Ve
         )
 
 
-def add_stand(mechanism: Mechanism, world: ET.Element, joint: PinJoint | SlotJoint) -> None:
+def add_stand(mechanism: Mechanism, world: ET.Element, joint: AnyJoint) -> None:
     """Two legs under a pin, or a rail on posts through a slot."""
     reach, foot, (x, z) = reach_of(mechanism), -_floor_depth(mechanism), joint.parent_point
     if isinstance(joint, SlotJoint):
@@ -79,7 +80,7 @@ def _ends(mechanism: Mechanism, body: Body, origin: Vector) -> list[Vector]:
     return [point for point in dict.fromkeys(points) if math.dist(point, origin) > 0]
 
 
-def _members(joint: PinJoint | SlotJoint) -> tuple[tuple[str, Vector], tuple[str, Vector]]:
+def _members(joint: AnyJoint) -> tuple[tuple[str, Vector], tuple[str, Vector]]:
     """The two bodies of a joint, and its point on each."""
     return (joint.parent, joint.parent_point), (joint.child, joint.child_point)
 
@@ -87,7 +88,7 @@ def _members(joint: PinJoint | SlotJoint) -> tuple[tuple[str, Vector], tuple[str
 def reach_of(mechanism: Mechanism) -> float:
     """A length no point of the machine is farther from its ground joints [m]; at least something."""
     kinematics = Kinematics(mechanism)
-    n_bodies = len(mechanism.bodies)
+    n_bodies = len(mechanism.angles)
     points = [(body.name, body.centre) for body in mechanism.bodies]
     points += [(item.body, item.point) for item in (*mechanism.markers, *mechanism.point_stops)]
     points += [member for joint in mechanism.loop_joints for member in _members(joint)]

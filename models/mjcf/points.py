@@ -13,8 +13,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ..errors import UnsupportedProblemError
-from ..mechanism import GROUND, Body, Mechanism, PinJoint, PointStop, SlotJoint
+from ..joints import GROUND, PinJoint, SlotJoint
+from ..mechanism import Body, Mechanism
 from ..spec import Vector
+from ..stops import PointStop
 from .appearance import reach_of
 from .text import from_origin, number, numbers, spatial
 

@@ -18,9 +18,11 @@ from pathlib import Path
 
 from ..errors import InputError, UnsupportedProblemError
 from ..files import write_text
+from ..joints import GROUND, AnyJoint, SlotJoint
 from ..kinematics import initial_state
-from ..mechanism import GROUND, Body, Mechanism, PinJoint, PointStop, SlotJoint, Stop
+from ..mechanism import Body, Mechanism
 from ..spec import Vector
+from ..stops import PointStop, Stop
 from .appearance import MODEL_FILE, add_shapes, add_stand, reach_of, scene
 from .points import Points, force_sensor, torque_sensor
 from .text import as_text, from_origin, number, numbers, spatial
@@ -206,7 +208,7 @@ class _Writer:
         for child in self.mechanism.children(body.name):
             self._add_body(element, child)
 
-    def _origin(self, joint: PinJoint | SlotJoint) -> str:
+    def _origin(self, joint: AnyJoint) -> str:
         """Origin of a body's frame in its parent's frame at the start; MuJoCo's frames have their joint as origin."""
         if isinstance(joint, SlotJoint) and joint.coordinate is not None:
             s = self.slide[joint.coordinate]
@@ -215,7 +217,7 @@ class _Writer:
             return spatial(joint.parent_point)
         return from_origin(self.mechanism.joint_of(joint.parent).child_point, joint.parent_point)
 
-    def _add_joints(self, element: ET.Element, joint: PinJoint | SlotJoint) -> None:
+    def _add_joints(self, element: ET.Element, joint: AnyJoint) -> None:
         if isinstance(joint, SlotJoint):
             # MuJoCo takes an axis in the child's frame as it stands at the start.
             axis = _turned_back(joint.axis, self.angle[joint.child])

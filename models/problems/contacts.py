@@ -8,9 +8,10 @@ from collections.abc import Callable
 import numpy as np
 from pydantic import Field
 
-from ..mechanism import Mechanism, Stop
+from ..mechanism import Mechanism
 from ..problem import StopLaw
 from ..spec import Positive, Real, Spec
+from ..stops import Stop
 from .benchmark import Benchmark, Figure, Motion
 from .pendulums import pin_links, rods
 

@@ -9,7 +9,8 @@ import numpy as np
 from pydantic import Field
 
 from ..arrays import FloatArray
-from ..mechanism import GROUND, Body, Marker, Mechanism, PinJoint, SlotJoint
+from ..joints import GROUND, PinJoint, SlotJoint
+from ..mechanism import Body, Marker, Mechanism
 from ..spec import Positive, Real, Spec
 from . import pendulum_motion
 from .benchmark import Benchmark, Condition, Figure, Motion

@@ -9,8 +9,10 @@ from numpy.polynomial import laguerre
 from pydantic import Field
 
 from ..arrays import FloatArray
-from ..mechanism import GROUND, Body, Marker, Mechanism, PinJoint, Stop
+from ..joints import GROUND, PinJoint
+from ..mechanism import Body, Marker, Mechanism
 from ..spec import Positive, Real, Spec
+from ..stops import Stop
 from . import pendulum_motion
 from .benchmark import Benchmark, Condition, Figure
 from .readings import coordinate, energy_error, largest_error, marker_error, period

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
-from ...models.mechanism import PinJoint
+from ...models.joints import PinJoint
 from ...models.spec import NonNegative, Positive, Real, Spec
 from ...reference.throw.flight import Air, Release, Surroundings, World, drag_flight, fly, range_rate
 from ...reference.throw.release import Projectile

@@ -23,13 +23,18 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import UnsupportedProblemError
+from ...models.features import Feature, refuse_features
+from ...models.joints import GROUND
 from ...models.launch import Launch, rest_opened
-from ...models.mechanism import GROUND, Body, Mechanism, PinJoint, SlotJoint, Stop
+from ...models.mechanism import Body, Mechanism, Slide
 from ...models.problem import Problem, StopLaw
 from ...models.spec import Vector
+from ...models.stops import Stop
 from .constrained import ConstrainedMotion, integrate
 from .quantities import PointState
 
+FEATURES: frozenset[Feature] = frozenset()
+"""Elements that it has."""
 _DEPENDENT = 1e-6  # of the largest singular value: constraints more nearly dependent follow from each other
 _PROJECTIONS = 3  # Newton converges in one from the rounding of a step; the start may need another
 
@@ -42,6 +47,7 @@ class RedundantSystem:
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
+        refuse_features(mechanism, FEATURES, "the redundant formulation")
         self.mechanism = mechanism
         self.n = 3 * len(mechanism.bodies)
         self._index = {body.name: i for i, body in enumerate(mechanism.bodies)}
@@ -63,11 +69,11 @@ class RedundantSystem:
         x, v = np.zeros(self.n), np.zeros(self.n)
         for joint in mechanism.tree_joints:
             body, i = mechanism.body(joint.child), 3 * self._index[joint.child]
-            x[i + 2], v[i + 2] = q[body.angle], u[body.angle]
+            x[i + 2], v[i + 2] = q[body.angle or ""], u[body.angle or ""]
             position, speed = self._point(x, v, joint.parent, joint.parent_point)
-            if isinstance(joint, SlotJoint) and joint.coordinate is not None:
-                position = position + q[joint.coordinate] * np.array(joint.axis)
-                speed = speed + u[joint.coordinate] * np.array(joint.axis)
+            for name, direction in zip(joint.slides, joint.free_directions, strict=True):
+                position = position + q[name] * np.array(_vector(direction))
+                speed = speed + u[name] * np.array(_vector(direction))
             arm, turn = self._arm(x[i + 2], body, joint.child_point)
             x[i : i + 2], v[i : i + 2] = position - arm, speed - v[i + 2] * turn
         return np.concatenate([x, v])
@@ -116,15 +122,15 @@ class RedundantSystem:
 
     def coordinates(self, x: FloatArray) -> FloatArray:
         """The mechanism's own coordinates q, shape (n_q,) [rad or m]."""
-        slides = [self._slide(x, joint) for joint in self.mechanism.slides]
+        slides = [self._slide(x, slide) for slide in self.mechanism.slides]
         return np.concatenate([x[2::3], slides])
 
     def speeds(self, y: FloatArray) -> FloatArray:
         """The mechanism's own speeds u, shape (n_q,)."""
         x, v = y[: self.n], y[self.n :]
         slides = [
-            float(np.dot(joint.axis, self._point(x, v, joint.child, joint.child_point)[1]))
-            for joint in self.mechanism.slides
+            float(np.dot(_vector(s.direction), self._point(x, v, s.joint.child, s.joint.child_point)[1]))
+            for s in self.mechanism.slides
         ]
         return np.concatenate([v[2::3], slides])
 
@@ -148,12 +154,9 @@ class RedundantSystem:
         forces: dict[str, FloatArray] = {}
         row = 0
         for joint in self.mechanism.joints:
-            if isinstance(joint, PinJoint):
-                forces[joint.name] = multipliers[row : row + 2]
-                row += 2
-            else:
-                forces[joint.name] = multipliers[row] * np.array(_normal(joint))
-                row += 1
+            held = np.array([_vector(direction) for direction in joint.held_directions])
+            forces[joint.name] = multipliers[row : row + len(held)] @ held
+            row += len(held)
         return forces
 
     def _gather_joints(self) -> None:
@@ -161,7 +164,7 @@ class RedundantSystem:
         constants: list[float] = []
         anchors: list[tuple[int, int, Vector, Vector]] = []
         for joint in self.mechanism.joints:
-            directions = [(1.0, 0.0), (0.0, 1.0)] if isinstance(joint, PinJoint) else [_normal(joint)]
+            directions = [_vector(direction) for direction in joint.held_directions]
             ends = ((joint.child, joint.child_point, 1.0), (joint.parent, joint.parent_point, -1.0))
             for x, y in directions:
                 constants.append(0.0)
@@ -229,9 +232,9 @@ class RedundantSystem:
         arm, turn = self._arm(x[i + 2], self.mechanism.body(body), point)
         return x[i : i + 2] + arm, v[i : i + 2] + v[i + 2] * turn
 
-    def _slide(self, x: FloatArray, joint: SlotJoint) -> float:
-        position, _ = self._point(x, x, joint.child, joint.child_point)
-        return float(np.dot(joint.axis, position - np.array(joint.parent_point)))
+    def _slide(self, x: FloatArray, slide: Slide) -> float:
+        position, _ = self._point(x, x, slide.joint.child, slide.joint.child_point)
+        return float(np.dot(_vector(slide.direction), position - np.array(slide.joint.parent_point)))
 
     def _jacobian(self, x: FloatArray, active: tuple[str, ...]) -> FloatArray:
         _, turns = self._arms(x)
@@ -330,8 +333,8 @@ class RedundantMotion:
         return self.motion.first_launch(velocity, after)
 
 
-def _normal(joint: SlotJoint) -> tuple[float, float]:
-    return (-joint.axis[1], joint.axis[0])
+def _vector(direction: complex) -> Vector:
+    return direction.real, direction.imag
 
 
 def solve_redundant(problem: Problem, tolerance: float = 3e-14) -> RedundantMotion:

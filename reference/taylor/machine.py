@@ -20,7 +20,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.kinematics import AngleGap, Kinematics, PointCoefficients, PointGap
+from ...models.kinematics import AngleFunction, Kinematics, PointCoefficients, PointFunction
 from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
@@ -113,8 +113,8 @@ def relevant_stops(problem: Problem) -> tuple[str, ...]:
 def structure_of(problem: Problem, kinematics: Kinematics, present: NDArray[np.bool_]) -> Structure:
     """The structure a problem's numbers belong to."""
     gaps = [kinematics.gaps[name] for name in relevant_stops(problem)]
-    rows = [gap.coefficients if isinstance(gap, AngleGap) else None for gap in gaps]
-    n_angles = len(problem.mechanism.bodies)
+    rows = [gap.coefficients if isinstance(gap, AngleFunction) else None for gap in gaps]
+    n_angles = len(problem.mechanism.angles)
     return Structure(
         n_angles=n_angles,
         n_slides=len(problem.mechanism.coordinates) - n_angles,
@@ -133,7 +133,7 @@ def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real
     centres = _wide(kinematics.centres, real)
     gaps = [kinematics.gaps[name] for name in relevant_stops(problem)]
 
-    def rows(of: Sequence[PointCoefficients | PointGap]) -> Complex:
+    def rows(of: Sequence[PointFunction]) -> Complex:
         coefficients = np.array([row.coefficients for row in of], dtype=np.complex128).reshape(len(of), len(angles))
         return _waves(_wide(coefficients, real), angles)
 
@@ -144,8 +144,8 @@ def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real
         # Q = Re(conj(w') W) = Re(conj(W) w') with W = -i g C^H m.
         _waves((masses @ centres) * (1j * real(mechanism.gravity)), angles),
         # Rows L with Re(L w' u) the rates of the loops' constraints, and the gap speeds of the stops on points.
-        rows(kinematics.loop_closures),
-        rows([gap for gap in gaps if isinstance(gap, PointGap)]),
+        rows([closure for closure in kinematics.loop_closures if isinstance(closure, PointFunction)]),
+        rows([gap for gap in gaps if isinstance(gap, PointFunction)]),
         _waves(lead, angles),
     )
     parts = [np.stack([section.real, section.imag]).ravel() for section in sections]

@@ -16,6 +16,7 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
+from ...models.features import Feature, refuse_features
 from ...models.launch import Launch, is_launch, lead
 from ...models.problem import Problem
 from ..contact import ActiveSet, EventFunction, PostEventState
@@ -29,6 +30,8 @@ from .system import heyoka, scalar_pool, torque_function
 Precision = Literal["double", "extended"]
 
 _REALS: Mapping[str, RealType] = {"double": np.float64, "extended": np.longdouble}
+FEATURES: frozenset[Feature] = frozenset()
+"""Elements that it has."""
 _COARSEST = 1e-2
 _MAX_EVENTS = 10_000
 _ROUNDING = 1e-12  # [rad] a gap this little off zero may be zero
@@ -56,6 +59,7 @@ def solve_taylor(problem: Problem, tolerance: float | None = None, precision: Pr
         SimulationError: the motion left the finite numbers, or there are more than ten thousand events.
     """
     started = time.perf_counter()
+    refuse_features(problem.mechanism, FEATURES, "the Taylor integrator")
     run = _Integration(problem, tolerance, precision)
     run.integrate(record=True)
     return Solution(
@@ -104,6 +108,7 @@ def taylor_quantities(
     Raises:
         EngineNotInstalledError, InputError, SimulationError: as :func:`solve_taylor`.
     """
+    refuse_features(problem.mechanism, FEATURES, "the Taylor integrator")
     run = _Integration(problem, tolerance, precision)
     run.integrate(to_launch=True)
     launch = run.launched

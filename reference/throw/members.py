@@ -18,7 +18,8 @@ from scipy.optimize import brentq, minimize_scalar
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
-from ...models.mechanism import GROUND, Body, Mechanism, PinJoint, SlotJoint
+from ...models.joints import GROUND, AnyJoint, SlotJoint
+from ...models.mechanism import Body, Mechanism
 from ...models.spec import Real, Spec
 from ..solution import Solution
 
@@ -66,7 +67,7 @@ class Member:
     """A body whose axial force is computed."""
 
     body: Body
-    joint: PinJoint | SlotJoint
+    joint: AnyJoint
     two_force: bool
 
 
@@ -79,7 +80,7 @@ def members(mechanism: Mechanism) -> tuple[Member, ...]:
     return tuple(selected)
 
 
-def _is_two_force(mechanism: Mechanism, body: Body, own: PinJoint | SlotJoint) -> bool:
+def _is_two_force(mechanism: Mechanism, body: Body, own: AnyJoint) -> bool:
     others = [j.parent_point for j in mechanism.joints if j.parent == body.name]
     others += [j.child_point for j in mechanism.joints if j.child == body.name and j.name != own.name]
     return body.inertia == 0 and all(point in (own.child_point, body.centre) for point in others)
@@ -123,17 +124,17 @@ def _member_force(solution: Solution, member: Member, times: FloatArray) -> Memb
     )
 
 
-def supports(mechanism: Mechanism) -> tuple[PinJoint | SlotJoint, ...]:
+def supports(mechanism: Mechanism) -> tuple[AnyJoint, ...]:
     """Joints on the ground."""
     return tuple(joint for joint in mechanism.joints if joint.parent == GROUND)
 
 
-def carries(joint: PinJoint | SlotJoint) -> bool:
+def carries(joint: AnyJoint) -> bool:
     """Whether a joint on the ground can bear weight: an upright slot only guides, by whichever of its sides."""
-    return isinstance(joint, PinJoint) or abs(joint.axis[0]) > _UPRIGHT
+    return any(abs(direction.imag) > _UPRIGHT for direction in joint.held_directions)
 
 
-def upward_force(solution: Solution, joint: PinJoint | SlotJoint, t: FloatArray) -> FloatArray:
+def upward_force(solution: Solution, joint: AnyJoint, t: FloatArray) -> FloatArray:
     """Of the ground on the machine [N], shape (n,): vertical at a pin, normal to a slot and away from the ground.
 
     Args:
@@ -155,7 +156,7 @@ def support_forces(solution: Solution, until: float) -> tuple[SupportForce, ...]
     return tuple(_support_force(solution, joint, times) for joint in supports(solution.problem.mechanism))
 
 
-def _support_force(solution: Solution, joint: PinJoint | SlotJoint, times: FloatArray) -> SupportForce:
+def _support_force(solution: Solution, joint: AnyJoint, times: FloatArray) -> SupportForce:
     def force(t: FloatArray) -> FloatArray:
         return solution.joint_reactions(solution.motion(t))[joint.name]
 

@@ -12,8 +12,9 @@ from scipy.optimize import brentq, minimize_scalar
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
+from ...models.joints import GROUND
 from ...models.launch import LAUNCH_ANGLE
-from ...models.mechanism import GROUND, Body, Marker, Mechanism
+from ...models.mechanism import Body, Marker, Mechanism
 from ..solution import Solution
 from .flight import COARSE, Release, Surroundings, drag_flight, fall_time, fly, range_rate
 

@@ -11,8 +11,9 @@ import numpy as np
 from pydantic import Field
 
 from ...models.errors import InputError
+from ...models.joints import AnyJoint
 from ...models.launch import LAUNCH_ANGLE
-from ...models.mechanism import Mechanism, PinJoint, SlotJoint
+from ...models.mechanism import Mechanism
 from ...models.spec import NonNegative, Positive, Real, Spec
 from ..solution import Solution
 from ..solver import characteristic_time, solve_until
@@ -241,7 +242,7 @@ def _surroundings(projectile: Projectile, air: Air, height: float) -> Surroundin
     return Surroundings(gravity=gravity, drag=drag, ground=y + height, origin=x)
 
 
-def origin(mechanism: Mechanism) -> PinJoint | SlotJoint:
+def origin(mechanism: Mechanism) -> AnyJoint:
     """The joint that places are measured from: the fulcrum, or what else on the ground carries the machine."""
     on_ground = supports(mechanism)
     return next((joint for joint in on_ground if carries(joint)), on_ground[0])

@@ -27,8 +27,10 @@ import numpy as np
 
 from ...models.arrays import ComplexArray, FloatArray
 from ...models.errors import InputError, UnsupportedProblemError
+from ...models.features import refuse_features
+from ...models.joints import SlotJoint
 from ...models.kinematics import Kinematics
-from ...models.mechanism import Mechanism, SlotJoint
+from ...models.mechanism import Mechanism
 from ...models.spec import Spec
 from ..equations import Equations, kkt_matrix
 from ..reactions import refuse_dependent
@@ -189,11 +191,17 @@ class VariationalEquations(Equations):
         if mechanism.point_stops:
             names = ", ".join(stop.name for stop in mechanism.point_stops)
             raise UnsupportedProblemError(f"sensitivities are derived for stops on angles only, not for {names}.")
+        refuse_features(mechanism, (), "the derivative of a motion")
         super().__init__(mechanism)
         closed = [stop.name for stop in mechanism.stops if stop.closed]
         refuse_dependent(self, np.array(mechanism.start), closed, "the derivative of a motion")
         self.tangents = [tangent_mechanism(mechanism, direction) for direction in directions]
         self._data = DataTangent.along(mechanism, self.tangents)
+
+    @cached_property
+    def _rows(self) -> ComplexArray:
+        """Complex rows of the loop constraints, shape (n_loops, n_q)."""
+        return np.zeros((0, len(self.mechanism.coordinates)), dtype=complex) if self._loops is None else self._loops
 
     @cached_property
     def _still(self) -> DataTangent:
@@ -228,7 +236,7 @@ class VariationalEquations(Equations):
             positions = {stop.name: stop.position for stop in tangent.stops}
             gaps = [self.kinematics.gap_jacobian(name, q) @ dq[j] - positions[name] for name in closed]
             moved = self._data.loops[j] @ self.kinematics.phasors(q) + self._data.loop_offsets[j]
-            loops = (moved + self._loops @ (self._rates(q) * dq[j])).real
+            loops = (moved + self._rows @ (self._rates(q) * dq[j])).real
             misfit = np.abs(np.concatenate([np.array(gaps), loops])).max(initial=0.0)
             if misfit > _FITS * max(1.0, float(np.abs(dq[j]).max())):
                 raise InputError(
@@ -239,7 +247,7 @@ class VariationalEquations(Equations):
     def _loop_tangent(self, q: FloatArray, v: ComplexArray, dq: FloatArray, data: DataTangent) -> FloatArray:
         """D Re(L (r v)) at fixed v, shape (m, n_loops)."""
         moving = self._rates(q) * v
-        return (data.loops @ moving + (-1j * self._angles * dq * moving) @ self._loops.T).real
+        return (data.loops @ moving + (-1j * self._angles * dq * moving) @ self._rows.T).real
 
     def tangent(self, q: FloatArray, u: FloatArray, dq: FloatArray, du: FloatArray, closed: Sequence[str]) -> Tangent:
         """Along the directions, for a state (n_q,) and its derivatives (m, n_q)."""
@@ -255,13 +263,13 @@ class VariationalEquations(Equations):
     ) -> Tangent:
         n_q, n_c, n_l = len(q), self.n_loops + len(closed), self.n_loops
         rates = self._rates(q)
-        quadratic = self._quadratic(rates)
+        quadratic = self._quadratic(q, rates)
         weights = rates.conj() * self._weights
         spin = self._angles * u
         inverse = np.linalg.inv(kkt_matrix(quadratic.real + self._inertias, self.constraint_jacobian(q, closed)))
         right = np.zeros(n_q + n_c)
         right[:n_q] = weights.real - quadratic.imag @ (spin * u)
-        right[n_q : n_q + n_l] = (1j * self._loops @ (rates * spin * u)).real
+        right[n_q : n_q + n_l] = (1j * self._rows @ (rates * spin * u)).real
         solution = inverse @ right
         a, multipliers = solution[:n_q], solution[n_q:]
 
@@ -274,8 +282,8 @@ class VariationalEquations(Equations):
         d_right[:, :n_q] = (pull - changed).real - data.inertias * a
         if n_l:
             loops = multipliers[:n_l]
-            d_right[:, :n_q] += ((loops @ data.loops) * rates - turn * ((loops @ self._loops) * rates)).real
-            moved = self._loop_tangent(q, z, dq, data) + ((dz * rates) @ self._loops.T).real
+            d_right[:, :n_q] += ((loops @ data.loops) * rates - turn * ((loops @ self._rows) * rates)).real
+            moved = self._loop_tangent(q, z, dq, data) + ((dz * rates) @ self._rows.T).real
             d_right[:, n_q : n_q + n_l] = -moved
         d_solution = d_right @ inverse.T
         return Tangent(a, multipliers, d_solution[:, :n_q], d_solution[:, n_q:])

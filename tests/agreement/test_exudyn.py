@@ -13,8 +13,9 @@ from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
 from trebucheck.models.machines.parameters import TrebuchetParameters
 from trebucheck.models.machines.trebuchet import HANGER_REST, SLING_REST, fixed, rolling
-from trebucheck.models.mechanism import Mechanism, Stop
+from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
+from trebucheck.models.stops import Stop
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 

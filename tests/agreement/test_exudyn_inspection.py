@@ -13,8 +13,10 @@ from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import InputError
+from trebucheck.models.joints import SlotJoint
 from trebucheck.models.machines.trebuchet import HANGER_REST, SLING_REST, fixed
-from trebucheck.models.mechanism import Body, Mechanism, SlotJoint, Stop
+from trebucheck.models.mechanism import Body, Mechanism
+from trebucheck.models.stops import Stop
 from trebucheck.reference.equations import Equations
 
 pytest.importorskip("exudyn")

@@ -7,8 +7,10 @@ import pytest
 import trebucheck as tb
 from mechanisms import G, angle_stop, pin
 from trebucheck.comparisons.equivalence.checks import EXACT, check_model
-from trebucheck.models.mechanism import GROUND, Body, Mechanism, Stop
+from trebucheck.models.joints import GROUND
+from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem
+from trebucheck.models.stops import Stop
 
 ENGINES = ("reference", "mujoco", "pymunk", "exudyn")
 

@@ -16,9 +16,10 @@ from trebucheck.engines.reference.engine import ReferenceEngine
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
 from trebucheck.models.machines.parameters import TrebuchetParameters
 from trebucheck.models.machines.trebuchet import ARM_STOP, HANGER_REST, PROJECTILE, SLING_REST, fixed, rolling
-from trebucheck.models.mechanism import Mechanism, Stop
+from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.mjcf.writer import mjcf
 from trebucheck.models.problem import Problem, StopLaw
+from trebucheck.models.stops import Stop
 from trebucheck.models.trajectory import Trajectory
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from trebucheck.engines.pymunk.engine import PymunkEngine
 from trebucheck.models.errors import UnsupportedProblemError
+from trebucheck.models.joints import GROUND, PinJoint
 from trebucheck.models.machines.trebuchet import ARM_STOP, fixed, rolling
-from trebucheck.models.mechanism import GROUND, Body, Marker, Mechanism, PinJoint, PointStop, Stop
+from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
+from trebucheck.models.stops import PointStop, Stop
 from trebucheck.models.trajectory import Trajectory
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve

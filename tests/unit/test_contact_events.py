@@ -7,7 +7,8 @@ from trebucheck.engines import contact_events
 from trebucheck.engines.contact_events import ContactEvents, active_contacts, refuse_moving_gaps, resting
 from trebucheck.models.errors import SimulationError, UnsupportedProblemError
 from trebucheck.models.machines.trebuchet import fixed
-from trebucheck.models.mechanism import Mechanism, Stop
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.stops import Stop
 
 HANGER, SLING = "hanger rest", "sling rest"
 

@@ -13,8 +13,9 @@ from formulas import ARM, END, LAUNCH, RELEASE, SLOT, TURN, Formula, pinned, tim
 from mechanisms import pin
 from trebucheck.comparisons.runs.metrics import against, measure
 from trebucheck.comparisons.runs.results import Metric
+from trebucheck.models.joints import GROUND
 from trebucheck.models.launch import Launch
-from trebucheck.models.mechanism import GROUND, PointStop
+from trebucheck.models.stops import PointStop
 from trebucheck.models.trajectory import PointMotion
 
 REFERENCE = Formula()

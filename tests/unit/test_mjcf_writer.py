@@ -11,13 +11,15 @@ import numpy as np
 import pytest
 from mechanisms import chain
 from trebucheck.models.errors import InputError, UnsupportedProblemError
+from trebucheck.models.joints import GROUND, PinJoint, SlotJoint
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.machines.parameters import TrebuchetParameters
 from trebucheck.models.machines.registry import model, models
 from trebucheck.models.machines.trebuchet import fixed, rolling
-from trebucheck.models.mechanism import GROUND, Body, Mechanism, PinJoint, PointStop, SlotJoint, Stop
+from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.mjcf import writer as mjcf_writer
 from trebucheck.models.mjcf.writer import FAR, MODEL_FILE, SCENE_FILE, mjcf, scene, write_model_folder
+from trebucheck.models.stops import PointStop, Stop
 
 MACHINES = {"fixed": fixed, "rolling": rolling}
 machines = pytest.mark.parametrize("name", MACHINES)

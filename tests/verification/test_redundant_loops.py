@@ -7,8 +7,9 @@ import pytest
 import trebucheck as tb
 from mechanisms import G, four_bar, parallel_cranks, pin
 from trebucheck.models.errors import SimulationError, UnsupportedProblemError
+from trebucheck.models.joints import SlotJoint
 from trebucheck.models.machines.trebuchet import HANGER_REST, fixed
-from trebucheck.models.mechanism import Body, Mechanism, SlotJoint
+from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.reference.certification.redundant import solve_redundant
 from trebucheck.reference.equations import Equations, consistent_coordinates, consistent_speeds

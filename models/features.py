@@ -1,0 +1,62 @@
+"""Features: elements that not every solver of mechanisms has; a solver declares which it has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable
+from enum import StrEnum
+
+from .errors import UnsupportedProblemError
+from .force_elements import ConstantForce, ConstantTorque, RotationalSpringDamper, SpringDamper
+from .joints import GROUND, FreeJoint, PrismaticJoint, SlotJoint, WeldJoint
+from .mechanism import Mechanism
+
+
+class Feature(StrEnum):
+    """An element beside pins, slots in the ground and stops against it; its text is its name in the plural."""
+
+    FREE_JOINT = "free joints"
+    MOVING_SLOT = "slots in moving bodies"
+    PRISMATIC = "prismatic joints"
+    WELD = "welds"
+    MOVING_WALL = "stops against moving bodies"
+    SPRING = "springs and dampers between points"
+    ROTATIONAL_SPRING = "springs and dampers between angles"
+    FORCE = "constant forces"
+    TORQUE = "constant torques"
+    GRAVITY_DIRECTION = "gravity in another direction than downwards"
+
+
+_OF_MECHANISMS: dict[Feature, Callable[[Mechanism], Iterable[str]]] = {
+    Feature.FREE_JOINT: lambda m: (j.name for j in m.joints if isinstance(j, FreeJoint)),
+    Feature.MOVING_SLOT: lambda m: (j.name for j in m.joints if isinstance(j, SlotJoint) and j.parent != GROUND),
+    Feature.PRISMATIC: lambda m: (j.name for j in m.joints if isinstance(j, PrismaticJoint)),
+    Feature.WELD: lambda m: (j.name for j in m.joints if isinstance(j, WeldJoint)),
+    Feature.MOVING_WALL: lambda m: (s.name for s in m.point_stops if s.relative_to != GROUND),
+    Feature.SPRING: lambda m: (e.name for e in m.force_elements if isinstance(e, SpringDamper)),
+    Feature.ROTATIONAL_SPRING: lambda m: (e.name for e in m.force_elements if isinstance(e, RotationalSpringDamper)),
+    Feature.FORCE: lambda m: (e.name for e in m.force_elements if isinstance(e, ConstantForce)),
+    Feature.TORQUE: lambda m: (e.name for e in m.force_elements if isinstance(e, ConstantTorque)),
+    Feature.GRAVITY_DIRECTION: lambda m: ("gravity",) if m.gravity_direction != (0.0, -1.0) else (),
+}
+
+
+def features_of(mechanism: Mechanism) -> dict[Feature, tuple[str, ...]]:
+    """The features that a mechanism has, and the names of its elements of each."""
+    found = {feature: tuple(names(mechanism)) for feature, names in _OF_MECHANISMS.items()}
+    return {feature: names for feature, names in found.items() if names}
+
+
+def refuse_features(mechanism: Mechanism, known: Collection[Feature], who: str) -> None:
+    """Refuse a mechanism with elements that a solver does not have.
+
+    Args:
+        known: features that the solver has.
+        who: the solver, as the sentence begins.
+
+    Raises:
+        UnsupportedProblemError: the sentence names the elements.
+    """
+    missing = {feature: names for feature, names in features_of(mechanism).items() if feature not in known}
+    if missing:
+        texts = [f"{feature} ({', '.join(repr(name) for name in names)})" for feature, names in missing.items()]
+        raise UnsupportedProblemError(f"{who} cannot move {mechanism.name!r}: it has no {' and no '.join(texts)}.")
