@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
 import trebucheck as tb
 from conftest import machine_parameters
-from hypothesis import given
+from hypothesis import given, seed
+from trebucheck.models.trajectory import Trajectory
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
@@ -17,41 +19,47 @@ pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `ma
 Build = Callable[[tb.TrebuchetParameters], tb.Mechanism]
 
 
-def _to_launch(mechanism: tb.Mechanism) -> tuple[Solution, np.ndarray]:
-    solution = solve(tb.Problem(mechanism, duration=4.0))
+same_machines = seed(1)  # the laws are asked of the same machines, each of which is solved once
+
+
+@cache
+def _to_launch(build: Build, parameters: tb.TrebuchetParameters) -> tuple[Solution, Trajectory]:
+    """The motion, and its samples up to the launch."""
+    solution = solve(tb.Problem(build(parameters), duration=4.0))
     end = solution.launch.time if solution.launch else 2.0
-    return solution, np.linspace(0.0, end, 1500)
+    return solution, solution.trajectory(np.linspace(0.0, end, 1500))
 
 
+@same_machines
 @given(parameters=machine_parameters())
 def test_energy_is_kept(build: Build, parameters: tb.TrebuchetParameters) -> None:
-    solution, t = _to_launch(build(parameters))
-    trajectory = solution.trajectory(t)
+    _, trajectory = _to_launch(build, parameters)
     # Stated need: 1e-12, of the energy in play (a total energy may be near zero by the choice of the height).
     scale = max(abs(trajectory.total_energy[0]), trajectory.kinetic_energy.max())
     assert np.abs(trajectory.total_energy - trajectory.total_energy[0]).max() < 1e-12 * scale
 
 
 @pytest.mark.parametrize("build_table_one", [tb.fixed, tb.rolling])
-def test_energy_is_kept_to_1e_12_on_table_one(build_table_one: Callable[[], tb.Mechanism]) -> None:
-    solution, t = _to_launch(build_table_one())
-    energy = solution.trajectory(t).total_energy
+def test_energy_is_kept_to_1e_12_on_table_one(build_table_one: Build) -> None:
+    energy = _to_launch(build_table_one, tb.TrebuchetParameters())[1].total_energy
     assert np.abs(energy / energy[0] - 1).max() < 1e-12
 
 
+@same_machines
 @given(parameters=machine_parameters())
 def test_rolling_machine_keeps_its_horizontal_momentum(parameters: tb.TrebuchetParameters) -> None:
-    solution, t = _to_launch(tb.rolling(parameters))
-    momentum = solution.trajectory(t).momentum[:, 0]
-    speed = np.linalg.norm(solution.trajectory(t).marker("projectile").velocity, axis=1).max()
+    _, trajectory = _to_launch(tb.rolling, parameters)
+    momentum = trajectory.momentum[:, 0]
+    speed = np.linalg.norm(trajectory.marker("projectile").velocity, axis=1).max()
     assert np.abs(momentum).max() < 1e-9 * parameters.m_b * speed
 
 
+@same_machines
 @given(parameters=machine_parameters())
 def test_reactions_carry_the_whole_machine(build: Build, parameters: tb.TrebuchetParameters) -> None:
     """The fulcrum's force is the rate of the total momentum plus the weight, from q and u alone."""
-    solution, t = _to_launch(build(parameters))
-    h, mid = 1e-4, t[20:-20:50]
+    solution, trajectory = _to_launch(build, parameters)
+    h, mid = 1e-4, trajectory.t[20:-20:50]
     opened = [time for time in solution.release_times.values() if time is not None]
     mid = mid[[all(abs(s - time) > 2 * h for time in opened) for s in mid]]
     # Fourth-order central difference: truncation h^4/30 of the fifth derivative, rounding eps/h.
@@ -63,10 +71,10 @@ def test_reactions_carry_the_whole_machine(build: Build, parameters: tb.Trebuche
     assert np.abs(found - expected).max() < 1e-6 * np.abs(expected).max()
 
 
+@same_machines
 @given(parameters=machine_parameters())
 def test_stops_are_complementary(build: Build, parameters: tb.TrebuchetParameters) -> None:
-    solution, t = _to_launch(build(parameters))
-    trajectory = solution.trajectory(t)
+    _, trajectory = _to_launch(build, parameters)
     for stop in trajectory.mechanism.stops:
         torque, gap = trajectory.stop_torque(stop.name), trajectory.stop_gap(stop.name)
         scale = max(torque.max(), 1.0)

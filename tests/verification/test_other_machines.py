@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import trebucheck as tb
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 from trebucheck.models.machines.registry import model, models, parameters_type
@@ -39,6 +39,7 @@ def other_machines(name: str) -> st.SearchStrategy[tb.Mechanism]:
 
 
 @pytest.mark.slow
+@settings(max_examples=10)
 @given(data=st.data())
 @pytest.mark.parametrize("name", OTHERS)
 def test_two_formulations_move_alike(name: str, data: st.DataObject) -> None:

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 import trebucheck as tb
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanisms import G, floor, hanging_bob
 from trebucheck.reference.certification.redundant import solve_redundant
@@ -41,6 +41,7 @@ def ladder(lean: float, tilt: float = 0.0) -> tb.Mechanism:
 
 
 @pytest.mark.slow
+@settings(max_examples=10)
 @given(lean=st.floats(0.4, 1.5))
 def test_a_ladder_leaves_its_wall_at_two_thirds_of_its_height(lean: float) -> None:
     """Where sin a = 2/3 sin a0: a classic. The wall's force before is 3/4 m g cos a (3 sin a - 2 sin a0)."""
@@ -50,7 +51,8 @@ def test_a_ladder_leaves_its_wall_at_two_thirds_of_its_height(lean: float) -> No
     assert time is not None
     height = solution.trajectory(np.array([time])).marker("top").position[0, 1]
     assert height == pytest.approx(2 / 3 * LENGTH * math.sin(lean), abs=1e-10)
-    assert solve_redundant(problem).release_times["wall"] == pytest.approx(time, abs=1e-10)
+    until_then = tb.Problem(problem.mechanism, duration=1.01 * time)
+    assert solve_redundant(until_then).release_times["wall"] == pytest.approx(time, abs=1e-10)
     t = np.linspace(0, 0.99 * time, 7)
     trajectory = solution.trajectory(t)
     a = trajectory.q[:, 0] - math.pi

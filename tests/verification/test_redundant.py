@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
 import trebucheck as tb
 from conftest import machine_parameters
-from hypothesis import given
+from hypothesis import given, seed, settings
 from mechanisms import slider_crank
+from trebucheck.reference.certification.certificate import estimate_uncertainty
 from trebucheck.reference.certification.redundant import RedundantMotion, RedundantSystem, solve_redundant
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
@@ -51,9 +53,44 @@ def _agree(solution: Solution, motion: RedundantMotion, end: float, samples: int
         assert motion.drift(float(time)) < DRIFT
 
 
+same_machines = seed(1)  # motion and estimate are asked of the same machines, each of which is solved once
+
+
+@cache
+def _both_of(build: Build, parameters: tb.TrebuchetParameters) -> tuple[Solution, RedundantMotion, float]:
+    return _both(build(parameters))
+
+
+@same_machines
+@settings(max_examples=12)
 @given(parameters=machine_parameters())
 def test_same_motion_on_random_machines(build: Build, parameters: tb.TrebuchetParameters) -> None:
-    _agree(*_both(build(parameters)), samples=15)
+    _agree(*_both_of(build, parameters), samples=15)
+
+
+@same_machines
+@settings(max_examples=12)
+@given(parameters=machine_parameters())
+def test_estimate_covers_the_distance_to_redundant_coordinates(
+    build: Build, parameters: tb.TrebuchetParameters
+) -> None:
+    solution, other, _ = _both_of(build, parameters)
+    if solution.launch is None:
+        return
+    uncertainties = estimate_uncertainty(solution)
+    assert other.launch is not None
+    for found, expected, metric in (
+        (other.launch.time, solution.launch.time, "launch_time"),
+        (other.launch.speed, solution.launch.speed, "launch_speed"),
+    ):
+        allowed = uncertainties.of(metric)
+        assert allowed is not None
+        assert abs(found - expected) <= allowed
+    for name, time in other.release_times.items():
+        expected = solution.release_times[name]
+        allowed = uncertainties.of("release_time", name)
+        if time is not None and expected is not None and allowed is not None:
+            assert abs(time - expected) <= allowed
 
 
 @pytest.fixture(scope="module", params=[tb.fixed, tb.rolling], ids=["fixed", "rolling"])
