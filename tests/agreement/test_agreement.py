@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from trebucheck.comparisons.compare.report import complaints
+from trebucheck.comparisons.compare.report import complaints, quantities
 from trebucheck.comparisons.compare.study import Comparison
 from trebucheck.comparisons.runs.results import Outcome, Run
 from trebucheck.engines.registry import engine_study
@@ -19,6 +21,9 @@ from trebucheck.models.machines.registry import models
 PRESETS = ("tuned", "stock")
 MODELS = ("fixed", "rolling")
 ALL_MODELS = tuple(models())
+README = Path(__file__).parents[2] / "README.md"
+# Two printed digits, and figures near rounding (MuJoCo's, Exudyn's torques) move with the build of the engine.
+FACTOR, ROUNDING = 1.3, 3.0
 
 
 @cache
@@ -41,6 +46,38 @@ def test_named_machines_agree(engine_name: str, model: str) -> None:
     run = _run(engine_name, model, "tuned")
     assert run.outcome is Outcome.AGREES, "\n".join([run.message or "", *complaints(run)])
     assert not run.unjudged and len(run.judged) >= 10
+
+
+def _rows() -> Iterator[tuple[str, list[str]]]:
+    model = ""
+    for line in README.read_text().splitlines():
+        if line.startswith("**") and line.endswith(" machine**"):
+            model = line.strip("*").split()[0].lower()
+        elif line.startswith("<!-- end"):
+            model = ""
+        elif model and line.startswith("| ") and not line.startswith("| engine"):
+            yield model, [cell.strip() for cell in line.strip("|").split("|")]
+
+
+def test_the_table_of_the_readme(engine_name: str) -> None:
+    if engine_name == "reference":
+        assert not [row for _, row in _rows() if row[0].startswith("reference")]
+        return
+    results = table_one(engine_name).results
+    rows = [(model, row) for model, row in _rows() if row[0].split()[0] == engine_name]
+    shown = [run for run in results.runs if run.model in ("fixed", "rolling") or run.preset == "tuned"]
+    assert [(model, row[0]) for model, row in rows] == [(run.model, run.label) for run in shown]
+    for model, row in rows:
+        machine = next(machine for machine in results.machines if machine.model == model)
+        run = next(run for run in results.runs if (run.model, run.label) == (model, row[0]))
+        for column, printed in zip(quantities(machine), row[2:], strict=True):
+            found = column.value(run)
+            if not printed:
+                assert found is None  # a machine without stops has no torque
+                continue
+            assert found is not None
+            factor = ROUNDING if found < 1e-7 or column.unit == "N m" else FACTOR
+            assert float(printed.split()[0]) == pytest.approx(found, rel=factor - 1), (model, row[0], column.title)
 
 
 STOCK_POSITIONS = {"reference": 1e-6, "mujoco": 1e-2, "pymunk": 0.5, "exudyn": 5e-3}

@@ -1,8 +1,10 @@
-"""Designs whose two instants coincide: read by other means, and looked for from elsewhere."""
+"""The whole study of the paper is the README's; its designs, read by other means and looked for from elsewhere."""
 
 from __future__ import annotations
 
+import json
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,21 +12,44 @@ import trebucheck as tb
 from trebucheck.paper.design.first_forward_swing import Reading, first_forward_swing_of
 from trebucheck.paper.design.search import NEARNESS, RANGE, Family
 from trebucheck.paper.design.study import FARTHEST, NEAREST, Bounds, Design, design_rolling, tolerances
-from trebucheck.paper.evidence.claims import Quantity, Verdict
+from trebucheck.paper.evidence.claims import Quantity, Study, Verdict
+from trebucheck.paper.report import summary
 from trebucheck.paper.rows.machines import design_rows
+from trebucheck.paper.study import study
 from trebucheck.reference.solver import solve, solve_to_launch
 from trebucheck.reference.throw.flight import Surroundings, fly
 from trebucheck.reference.throw.release import Projectile
 
+README = Path(__file__).parents[2] / "README.md"
 NEEDED = 1e-6  # [s] the two instants may stand apart
 
-pytestmark = pytest.mark.slow  # one search for all of them: some 12 s
+pytestmark = pytest.mark.slow  # one study for all of them: some 30 s
+
+
+@cache
+def paper() -> Study:
+    """Without engines, which have tests of their own."""
+    return study(["reference"])
 
 
 @cache
 def design() -> Design:
-    """Without engines, which have tests of their own."""
-    return design_rolling(engines=())
+    """Of that study."""
+    return Design.from_json(json.dumps(paper().sections["design"]))
+
+
+def _cells(markdown: str) -> list[list[str]]:
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in markdown.strip().splitlines()]
+
+
+def test_what_becomes_of_the_paper() -> None:
+    """Verdicts and our own values are the reference's: no engine is needed to have them."""
+    block = README.read_text().partition("<!-- generated: paper -->\n")[2].partition("<!-- end -->")[0]
+    found, printed = _cells(summary(paper())), _cells(block)
+    assert [row[:3] for row in found] == [row[:3] for row in printed]
+    for mine, theirs in zip(found, printed, strict=True):
+        if mine[-1] != theirs[-1]:  # four printed digits, the last of which another machine may round otherwise
+            assert float(mine[-1].split()[0]) == pytest.approx(float(theirs[-1].split()[0]), rel=2e-3), mine
 
 
 def test_table_one_is_read_as_the_checked_figures_have_it() -> None:
@@ -160,3 +185,4 @@ def test_bounds_that_make_no_sense_are_refused(fields: dict[str, tuple[float, fl
 
 def test_it_survives_json() -> None:
     assert Design.from_json(design().to_json()) == design()
+    assert json.loads(design().to_json()) == paper().sections["design"]
