@@ -17,6 +17,7 @@ import numpy as np
 
 from ..models.arrays import FloatArray
 from ..models.errors import SimulationError, UnsupportedProblemError
+from ..models.force_elements import AnyForceElement, ConstantForce, RotationalSpringDamper, SpringDamper
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
 from ..models.spec import Vector
@@ -129,6 +130,7 @@ class Units:
                     )
                     for marker in mechanism.markers
                 ),
+                "force_elements": tuple(map(self._force_element, mechanism.force_elements)),
                 "gravity": mechanism.gravity * self.time**2 / self.length,
                 "start": tuple((np.array(mechanism.start) / q).tolist()),
                 "start_speeds": tuple((np.array(mechanism.start_speeds) * self.time / q).tolist())
@@ -144,6 +146,25 @@ class Units:
         if isinstance(stop, Stop):
             return stop
         return stop.model_copy(update={"point": self._vector(stop.point), "offset": stop.offset / self.length})
+
+    def _force_element(self, element: AnyForceElement) -> AnyForceElement:
+        if isinstance(element, SpringDamper):
+            update: dict[str, object] = {
+                "point": self._vector(element.point),
+                "relative_point": self._vector(element.relative_point),
+                "stiffness": element.stiffness * self.length / self.force,
+                "damping": element.damping * self.length / (self.force * self.time),
+                "rest_length": element.rest_length / self.length,
+            }
+        elif isinstance(element, RotationalSpringDamper):
+            stiffness, damping = element.stiffness / self.energy, element.damping / (self.energy * self.time)
+            update = {"stiffness": stiffness, "damping": damping}
+        elif isinstance(element, ConstantForce):
+            force = element.force[0] / self.force, element.force[1] / self.force
+            update = {"point": self._vector(element.point), "force": force}
+        else:
+            update = {"torque": element.torque / self.energy}
+        return element.model_copy(update=update)
 
     def problem(self, problem: Problem) -> Problem:
         """The problem in these units."""
@@ -222,6 +243,9 @@ def units_of(mechanism: Mechanism) -> Units:
     """SI, but for mechanisms that are very small, light, large or heavy."""
     points = [point for joint in mechanism.joints for point in (joint.parent_point, joint.child_point)]
     points += [body.centre for body in mechanism.bodies]
+    for element in mechanism.force_elements:
+        points += [element.point] if isinstance(element, SpringDamper | ConstantForce) else []
+        points += [element.relative_point] if isinstance(element, SpringDamper) else []
     length = max(math.hypot(*point) for point in points)
     length = max(length, *(math.sqrt(body.inertia / body.mass) for body in mechanism.bodies))
     mass = max(body.mass for body in mechanism.bodies)

@@ -7,7 +7,14 @@ import functools
 import math
 
 import numpy as np
-from trebucheck.models.joints import GROUND, PinJoint, SlotJoint
+from trebucheck.models.force_elements import (
+    AnyForceElement,
+    ConstantForce,
+    ConstantTorque,
+    RotationalSpringDamper,
+    SpringDamper,
+)
+from trebucheck.models.joints import GROUND, FreeJoint, PinJoint, PrismaticJoint, SlotJoint, WeldJoint
 from trebucheck.models.machines.trebuchet import PROJECTILE, fixed, rolling
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.problem import Problem
@@ -285,7 +292,80 @@ def scaled(mechanism: Mechanism, s: float) -> Mechanism:
         "markers": tuple(
             m.model_copy(update={"point": vector(m.point), "mass": m.mass and m.mass * s**3}) for m in mechanism.markers
         ),
+        "force_elements": tuple(_scaled_element(e, s) for e in mechanism.force_elements),
     }
-    angles = len(mechanism.bodies)
+    angles = len(mechanism.angles)
     start = (*mechanism.start[:angles], *(x * s for x in mechanism.start[angles:]))
     return Mechanism(**{**dict(mechanism), **changes, "start": start})
+
+
+def _scaled_element(element: AnyForceElement, s: float) -> AnyForceElement:
+    """With gravity as it is, forces grow as s^3 and speeds as sqrt(s)."""
+    powers = {"point": 1, "relative_point": 1, "rest_length": 1, "force": 3, "torque": 4}
+    rotational = isinstance(element, RotationalSpringDamper)
+    powers |= {"stiffness": 4, "damping": 4.5} if rotational else {"stiffness": 2, "damping": 2.5}
+    fields = {name: value for name, value in element.model_dump().items() if name in powers}
+    return element.model_copy(
+        update={
+            name: tuple(x * s ** powers[name] for x in value) if isinstance(value, tuple) else value * s ** powers[name]
+            for name, value in fields.items()
+        }
+    )
+
+
+# --- Every element ----------------------------------------------------------------------------------------------------
+
+
+def body_of(name: str, angle: str | None, mass: float, centre: tuple[float, float], inertia: float) -> Body:
+    """A body; one without the name of an angle hangs on a joint that holds its angle."""
+    return Body(name=name, angle=angle, mass=mass, centre=centre, inertia=inertia)
+
+
+def everything() -> Mechanism:
+    """One of each element: a free hull, a slot and a slider on turning bodies, a weld, springs, motors, a wall."""
+    return Mechanism(
+        name="everything",
+        bodies=(
+            body_of("hull", "hull angle", 3.0, (0.1, -0.05), 0.7),
+            body_of("arm", "arm angle", 1.2, (0.4, 0.1), 0.11),
+            body_of("slider", None, 0.5, (0.05, 0.02), 0.03),
+            body_of("bracket", None, 0.3, (0.2, 0.0), 0.01),
+            body_of("bob", "bob angle", 0.4, (0.3, 0.0), 0.02),
+        ),
+        joints=(
+            FreeJoint(name="sea", parent="ground", child="hull", coordinates=("x", "y")),
+            SlotJoint(
+                name="slot", parent="hull", child="arm", parent_point=(0.2, 0.3), child_point=(0.05, 0.0),
+                axis=(0.6, 0.8), coordinate="s",
+            ),
+            PrismaticJoint(
+                name="rail", parent="arm", child="slider", parent_point=(0.3, 0.1), child_point=(0.01, 0.0),
+                axis=(0.8, -0.6), angle=0.4, coordinate="p",
+            ),
+            WeldJoint(
+                name="weld", parent="slider", child="bracket", parent_point=(0.1, 0.1), child_point=(0, 0), angle=-0.7
+            ),
+            PinJoint(name="pin", parent="bracket", child="bob", parent_point=(0.4, 0.0), child_point=(0, 0)),
+        ),
+        force_elements=(
+            SpringDamper(
+                name="tie", body="bob", point=(0.3, 0.1), relative_to="hull", relative_point=(-0.2, 0.1),
+                stiffness=40.0, damping=1.5, rest_length=0.3,
+            ),
+            RotationalSpringDamper(
+                name="twist", body="bob", relative_to="arm", stiffness=3.0, damping=0.2, rest_angle=0.3
+            ),
+            ConstantForce(name="pull", body="bob", point=(0.1, 0.2), force=(2.0, -1.0)),
+            ConstantTorque(name="motor", body="arm", relative_to="hull", torque=0.9),
+        ),
+        stops=(
+            PointStop(
+                name="deck", body="bob", point=(0.5, 0.0), relative_to="hull", normal=(0.0, 1.0), offset=-3.0,
+                closed=False,
+            ),
+        ),
+        gravity=9.81,
+        gravity_direction=(0.6, -0.8),
+        start=(0.3, -0.4, 0.9, 0.1, 0.2, 0.35, -0.2),
+        start_speeds=(0.5, 1.0, -0.7, 0.2, -0.3, 0.4, 0.6),
+    )  # fmt: skip

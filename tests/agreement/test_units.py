@@ -7,12 +7,14 @@ import math
 import numpy as np
 import pytest
 import trebucheck as tb
-from mechanisms import TABLE_ONE, chain_on_a_slot, position_error, scaled
+from mechanisms import TABLE_ONE, chain_on_a_slot, everything, position_error, scaled
 from trebucheck.comparisons.equivalence.checks import EXACT, check_model
-from trebucheck.engines.units import SI, units_of
+from trebucheck.engines.inspection import State
+from trebucheck.engines.units import SI, Units, units_of
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
+from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
 
 SIZES = (1e-3, 1e-2, 1e2, 1e3)
@@ -81,6 +83,23 @@ def test_every_recorded_quantity_comes_back_in_si() -> None:
         for values, other in ((run.q, right.q), (run.u, right.u), (run.kinetic_energy, right.kinetic_energy)):
             assert np.abs(values - other).max() < 1e-3 * np.abs(other).max()
         assert run.t[-1] == pytest.approx(0.1, rel=1e-12)
+
+
+def test_every_element_has_the_same_equations_in_any_units() -> None:
+    units, mechanism = Units(0.25, 8.0, 0.5), everything()
+    here, there = Equations(mechanism), Equations(units.mechanism(mechanism))
+    state = State(np.array(mechanism.start) + 0.3, np.array(mechanism.start_speeds), ("deck",))
+    (scaled_state,) = units.states(mechanism, [state])
+    q = units.coordinates(mechanism)
+    (a, force), (scaled_a, scaled_force) = (
+        equations.solve(at.q, at.u, at.closed) for equations, at in ((here, state), (there, scaled_state))
+    )
+    assert scaled_a * q / units.time**2 == pytest.approx(a, rel=1e-12)
+    assert scaled_force * units.force == pytest.approx(force, rel=1e-12)
+    energies = here.potential_energy(state.q), there.potential_energy(scaled_state.q) * units.energy
+    assert energies[0] == pytest.approx(energies[1], rel=1e-14)
+    gaps = here.kinematics.gap("deck", state.q), there.kinematics.gap("deck", scaled_state.q) * units.length
+    assert gaps[0] == pytest.approx(gaps[1], rel=1e-14)
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "exudyn"])

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trebucheck as tb
+from mechanisms import body_of, everything
 from numpy.typing import NDArray
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.features import Feature, features_of, refuse_features
@@ -16,60 +17,6 @@ from trebucheck.reference.solver import solve
 
 Array = NDArray[np.float64]
 _STEP = 1e-4  # of central differences of fourth order: errors of some (1e-4)^4 and 1e-16 / 1e-4, relative
-
-
-def _body(name: str, angle: str | None, mass: float, centre: tuple[float, float], inertia: float) -> tb.Body:
-    return tb.Body(name=name, angle=angle, mass=mass, centre=centre, inertia=inertia)
-
-
-def everything() -> tb.Mechanism:
-    """One of each element: a free hull, a slot and a slider on turning bodies, a weld, springs, motors, a wall."""
-    return tb.Mechanism(
-        name="everything",
-        bodies=(
-            _body("hull", "hull angle", 3.0, (0.1, -0.05), 0.7),
-            _body("arm", "arm angle", 1.2, (0.4, 0.1), 0.11),
-            _body("slider", None, 0.5, (0.05, 0.02), 0.03),
-            _body("bracket", None, 0.3, (0.2, 0.0), 0.01),
-            _body("bob", "bob angle", 0.4, (0.3, 0.0), 0.02),
-        ),
-        joints=(
-            tb.FreeJoint(name="sea", parent="ground", child="hull", coordinates=("x", "y")),
-            tb.SlotJoint(
-                name="slot", parent="hull", child="arm", parent_point=(0.2, 0.3), child_point=(0.05, 0.0),
-                axis=(0.6, 0.8), coordinate="s",
-            ),
-            tb.PrismaticJoint(
-                name="rail", parent="arm", child="slider", parent_point=(0.3, 0.1), child_point=(0.01, 0.0),
-                axis=(0.8, -0.6), angle=0.4, coordinate="p",
-            ),
-            tb.WeldJoint(
-                name="weld", parent="slider", child="bracket", parent_point=(0.1, 0.1), child_point=(0, 0), angle=-0.7
-            ),
-            tb.PinJoint(name="pin", parent="bracket", child="bob", parent_point=(0.4, 0.0), child_point=(0, 0)),
-        ),
-        force_elements=(
-            tb.SpringDamper(
-                name="tie", body="bob", point=(0.3, 0.1), relative_to="hull", relative_point=(-0.2, 0.1),
-                stiffness=40.0, damping=1.5, rest_length=0.3,
-            ),
-            tb.RotationalSpringDamper(
-                name="twist", body="bob", relative_to="arm", stiffness=3.0, damping=0.2, rest_angle=0.3
-            ),
-            tb.ConstantForce(name="pull", body="bob", point=(0.1, 0.2), force=(2.0, -1.0)),
-            tb.ConstantTorque(name="motor", body="arm", relative_to="hull", torque=0.9),
-        ),
-        stops=(
-            tb.PointStop(
-                name="deck", body="bob", point=(0.5, 0.0), relative_to="hull", normal=(0.0, 1.0), offset=-3.0,
-                closed=False,
-            ),
-        ),
-        gravity=9.81,
-        gravity_direction=(0.6, -0.8),
-        start=(0.3, -0.4, 0.9, 0.1, 0.2, 0.35, -0.2),
-        start_speeds=(0.5, 1.0, -0.7, 0.2, -0.3, 0.4, 0.6),
-    )  # fmt: skip
 
 
 def _slope(function: Callable[[Array], Any], x: Array) -> Array:
@@ -163,12 +110,12 @@ def test_reactions_balance_what_the_whole_moves() -> None:
     assert momentum == pytest.approx(expected, abs=1e-10)
 
 
-def test_loop_of_a_slot_in_a_turning_body() -> None:
+def test_loop_of_a_slot_in_a_turningbody_of() -> None:
     """A crank's pin in the slot of a rocker (quick return): the closed form of the rocker's angle."""
     crank, distance = 0.3, 1.0
     mechanism = tb.Mechanism(
         name="quick return",
-        bodies=(_body("crank", "a", 1.0, (0.15, 0.0), 0.01), _body("rocker", "b", 2.0, (0.6, 0.0), 0.2)),
+        bodies=(body_of("crank", "a", 1.0, (0.15, 0.0), 0.01), body_of("rocker", "b", 2.0, (0.6, 0.0), 0.2)),
         joints=(
             tb.PinJoint(name="O", parent="ground", child="crank", parent_point=(distance, 0), child_point=(0, 0)),
             tb.PinJoint(name="C", parent="ground", child="rocker", parent_point=(0, 0), child_point=(0, 0)),
@@ -192,7 +139,7 @@ def test_sprung_and_damped_oscillator() -> None:
     m, k, c, x0 = 2.0, 50.0, 1.2, 0.3
     mechanism = tb.Mechanism(
         name="oscillator",
-        bodies=(_body("block", None, m, (0, 0), 0.0),),
+        bodies=(body_of("block", None, m, (0, 0), 0.0),),
         joints=(
             tb.PrismaticJoint(
                 name="rail", parent="ground", child="block", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0),
