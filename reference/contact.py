@@ -16,8 +16,8 @@ follows from an event is decided here, once for all integrators (:class:`ActiveS
 - **Impact** (unilateral law only). The gap of an open stop falls through zero: speeds jump in the metric of the mass
   matrix with the stop's restitution e. Stops that touch at the same instant take part, active ones included.
 - **No endless bouncing.** For 0 < e < 1 rebounds follow each other ever faster and come to rest at a finite time. A
-  stop met more slowly than `REST_SPEED` does not bounce (e = 0 there): at 1e-6 rad/s a rebound would be some 1e-12
-  rad high. With e = 1 nothing settles, nor should it.
+  stop that is met slowly does not bounce (e = 0 there), and the rest of the series is summed (:mod:`.bouncing`). With
+  e = 1 nothing settles, nor should it.
 - **No endless rattling.** Two stops may throw the machine to and fro between them, ever faster, towards an instant
   that is never reached. Impacts within `TOGETHER` of each other are one: their stops are solved at once, after which
   none of them closes.
@@ -35,9 +35,9 @@ from ..models.arrays import FloatArray
 from ..models.errors import InputError
 from ..models.kinematics import initial_state
 from ..models.problem import Problem, StopLaw
+from .bouncing import Bouncing
 from .equations import Equations
 
-REST_SPEED = 1e-6  # [rad/s]
 TOGETHER = 1e-9  # [s]
 _TOUCHING = 1e-11  # [rad] an open stop with a gap below this takes part in an impact
 _AT_REST = 1e-9  # [rad/s] gap speeds below this are rounding of an impact's solution
@@ -136,7 +136,12 @@ class ActiveSet:
         self.impacts: list[tuple[float, dict[str, float]]] = []
         """Time [s] and impulse of each stop that took part [N m s]."""
         self._last_impact: dict[str, float] = {}
-        self._restitution = {stop.name: stop.restitution for stop in problem.mechanism.stops}
+        self._bouncing = Bouncing(equations)
+
+    @property
+    def rest_times(self) -> dict[str, tuple[float, ...]]:
+        """By stop, when it ceased to bounce, or was met without rebound, and stayed closed [s]."""
+        return {name: tuple(times) for name, times in self._bouncing.rest_times.items()}
 
     def begin(self) -> PostEventState:
         """The start: an impact if the start speeds drive into a closed stop, and no stop that would have to pull.
@@ -148,7 +153,7 @@ class ActiveSet:
         q, u = initial_state(mechanism)
         self._refuse_open_loops(q, u)
         touching = tuple(stop.name for stop in mechanism.stops if stop.closed)
-        if np.any(self._gap_speeds(touching, q, u) < -_AT_REST):
+        if any(speed < -_AT_REST for speed in self._gap_speeds(touching, q, u).values()):
             u = self._resolve_impact(0.0, q, u, touching)
         return self._with_active_contacts(0.0, q, u, touching)
 
@@ -177,16 +182,20 @@ class ActiveSet:
             self._note_release(name, t)
         still_closed = tuple(name for name in closed if name not in released)
         closing = {event.stop for event in events if event.closes}
+        if released:
+            self._bouncing.interrupt()
         if not closing:
             return self._with_active_contacts(t, q, u, still_closed)
         closing |= self._also_touching(t, q, closed)
         touching = tuple(name for name in self.releases if name in still_closed or name in closing)
-        return self._with_active_contacts(t, q, self._resolve_impact(t, q, u, touching), touching)
+        met = {n: v for n, v in self._gap_speeds(touching, q, u).items() if n not in still_closed}
+        state = self._with_active_contacts(t, q, self._resolve_impact(t, q, u, touching), touching)
+        self._bouncing.note_impact(t, state.q, state.u, state.closed, met)
+        return state
 
     def _with_active_contacts(self, t: float, q: FloatArray, u: FloatArray, touching: Sequence[str]) -> PostEventState:
         """The state with those of the touching stops active that neither open nor would have to pull."""
-        speeds = self._gap_speeds(touching, q, u)
-        resting = tuple(name for name, speed in zip(touching, speeds, strict=True) if abs(speed) <= _AT_REST)
+        resting = tuple(name for name, speed in self._gap_speeds(touching, q, u).items() if abs(speed) <= _AT_REST)
         closed = active_contacts(self.equations, q, u, resting)
         for name in touching:
             if name not in closed:
@@ -194,10 +203,7 @@ class ActiveSet:
         return PostEventState(t, q, u, closed)
 
     def _resolve_impact(self, t: float, q: FloatArray, u: FloatArray, touching: tuple[str, ...]) -> FloatArray:
-        speeds = self._gap_speeds(touching, q, u)
-        restitution = np.array(
-            [self._restitution[n] if v < -REST_SPEED else 0.0 for n, v in zip(touching, speeds, strict=True)]
-        )
+        restitution = self._bouncing.restitution(q, u, self._gap_speeds(touching, q, u))
         after, impulses = resolve_impact(self.equations, q, u, touching, restitution)
         self.impacts.append((t, impulses))
         self._last_impact |= {name: t for name, impulse in impulses.items() if impulse > 0}
@@ -215,8 +221,8 @@ class ActiveSet:
             )
         }
 
-    def _gap_speeds(self, names: Sequence[str], q: FloatArray, u: FloatArray) -> FloatArray:
-        return gap_jacobian(self.equations, q, names) @ u
+    def _gap_speeds(self, names: Sequence[str], q: FloatArray, u: FloatArray) -> dict[str, float]:
+        return dict(zip(names, (gap_jacobian(self.equations, q, names) @ u).tolist(), strict=True))
 
     def _note_release(self, name: str, t: float) -> None:
         """Only the first opening counts: the throw depends on it."""

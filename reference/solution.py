@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -55,6 +55,8 @@ class Solution:
     evaluations: int
     settings: Mapping[str, float]
     wall_time: float
+    rest_times: Mapping[str, tuple[float, ...]] = field(default_factory=dict[str, tuple[float, ...]])
+    """By stop, when it ceased to bounce, or was met without rebound, and stayed closed [s]."""
 
     def motion(self, t: FloatArray) -> Motion:
         """Everything at times t [s], shape (n,); at an event, the state after it.

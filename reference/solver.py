@@ -137,6 +137,7 @@ class _Integration:
             segments=tuple(segments),
             release_times=self.active_set.releases,
             impacts=tuple(self.active_set.impacts),
+            rest_times=self.active_set.rest_times,
             evaluations=self.evaluations,
             settings=self.tolerances,
             wall_time=time.perf_counter() - started,

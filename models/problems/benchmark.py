@@ -21,6 +21,11 @@ class Motion(Protocol):
         """Time [s] and impulses by stop [N m s or N s] of every impact."""
         ...
 
+    @property
+    def rest_times(self) -> Mapping[str, Sequence[float]]:
+        """Instants [s] at which each stop ceased to bounce."""
+        ...
+
     def trajectory(self, t: FloatArray, /) -> Trajectory:
         """The motion at times t [s], shape (n,)."""
         ...

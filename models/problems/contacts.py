@@ -8,12 +8,40 @@ from collections.abc import Callable
 import numpy as np
 from pydantic import Field
 
-from ..mechanism import Mechanism
+from ..joints import SlotJoint
+from ..mechanism import Body, Marker, Mechanism
 from ..problem import StopLaw
 from ..spec import Positive, Real, Spec
-from ..stops import Stop
+from ..stops import PointStop, Stop
 from .benchmark import Benchmark, Figure, Motion
 from .pendulums import pin_links, rods
+from .readings import energy_error
+
+_ZENO = "B. Brogliato, Nonsmooth Mechanics (3rd ed., 2016), Ch. 1: infinitely many impacts by a finite time"
+
+
+class BouncingParameters(Spec):
+    """A body that falls on a level floor from rest.
+
+    Raises:
+        InputError: a mass, height or gravity is not positive and finite, or the restitution is not from 0 to 1.
+    """
+
+    mass: Positive = Field(default=2.0, description="[kg]")
+    height: Positive = Field(default=1.0, description="of the fall [m]")
+    restitution: Real = Field(default=0.5, ge=0, le=1, description="speed after an impact over the one before")
+    g: Positive = Field(default=9.81, description="gravity [m/s^2]")
+
+    @property
+    def speed(self) -> float:
+        """At the first impact [m/s]."""
+        return math.sqrt(2 * self.g * self.height)
+
+    @property
+    def rest_time(self) -> float:
+        """When it has ceased to bounce [s]; infinite without loss."""
+        e = self.restitution
+        return self.speed / self.g * (1 + e) / (1 - e) if e < 1 else math.inf
 
 
 class StoppedPendulumParameters(Spec):
@@ -29,6 +57,47 @@ class StoppedPendulumParameters(Spec):
     opening: Real = Field(default=0.5, gt=0, lt=1.5, description="of each stop from the vertical [rad]")
     swing: Real = Field(default=1.2, gt=0, lt=3, description="start angle of the lower rod from the vertical [rad]")
     restitution: Real = Field(default=0.7, gt=0, le=1, description="of both stops")
+
+
+def _bouncing(p: BouncingParameters) -> Mechanism:
+    ball = Body(name="ball", angle="turn", mass=p.mass, centre=(0, 0), inertia=p.mass * (p.height / 10) ** 2)
+    floor = PointStop(
+        name="floor", body="ball", point=(0, 0), normal=(0, 1), offset=0, closed=False, restitution=p.restitution
+    )
+    return Mechanism(
+        name="bouncing",
+        bodies=(ball,),
+        joints=(SlotJoint(name="line", child="ball", parent_point=(0, 0), child_point=(0, 0), axis=(0, 1),
+                          coordinate="height"),),
+        stops=(floor,),
+        markers=(Marker(name="ball", body="ball", point=(0, 0)),),
+        gravity=p.g,
+        start=(0.0, p.height),
+    )  # fmt: skip
+
+
+def _bouncing_duration(p: BouncingParameters) -> float:
+    """Past the rest; ten rebounds without loss."""
+    return 1.25 * p.rest_time if p.restitution < 1 else 20.5 * p.speed / p.g
+
+
+def _bouncing_figures(p: BouncingParameters) -> tuple[Figure, ...]:
+    fall = p.speed / p.g
+    momentum = (1 + p.restitution) * p.mass * p.speed
+    common = (
+        Figure("first impact", fall, "s", 1e-12 * fall, lambda motion: motion.impacts[0][0]),
+        Figure("impulse of it", momentum, "N s", 1e-11 * momentum, lambda motion: motion.impacts[0][1]["floor"]),
+    )
+    if p.restitution == 1:
+        tenth = 19 * fall
+        end, energy = _bouncing_duration(p), p.mass * p.g * p.height
+        return (
+            *common,
+            Figure("tenth impact", tenth, "s", 1e-11 * tenth, lambda motion: motion.impacts[9][0]),
+            Figure("largest change of the energy", 0.0, "J", 1e-11 * energy, energy_error(end)),
+        )
+    rest = Figure("rest", p.rest_time, "s", 1e-10 * max(1.0, p.rest_time), lambda motion: motion.rest_times["floor"][0])
+    return (*common, rest)
 
 
 def _stopped_pendulum(p: StoppedPendulumParameters) -> Mechanism:
@@ -72,6 +141,18 @@ def _stopped_duration(p: StoppedPendulumParameters) -> float:
     return round(9.0 * math.sqrt(p.length / p.g), 2)
 
 
+BOUNCING = Benchmark(
+    number="D01",
+    name="bouncing",
+    tags=("contact", "impact", "closed-form"),
+    text="body that bounces on a floor and comes to rest after infinitely many impacts",
+    source=_ZENO,
+    parameters=BouncingParameters,
+    build=_bouncing,
+    duration=_bouncing_duration,
+    figures=_bouncing_figures,
+    stop_law=StopLaw.UNILATERAL,
+)
 STOPPED_PENDULUM = Benchmark(
     number="D02",
     name="stopped-pendulum",
@@ -84,4 +165,4 @@ STOPPED_PENDULUM = Benchmark(
     figures=_stopped_figures,
     stop_law=StopLaw.UNILATERAL,
 )
-CONTACTS = (STOPPED_PENDULUM,)
+CONTACTS = (BOUNCING, STOPPED_PENDULUM)

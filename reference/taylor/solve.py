@@ -68,6 +68,7 @@ def solve_taylor(problem: Problem, tolerance: float | None = None, precision: Pr
         segments=tuple(run.segments),
         release_times=run.active_set.releases,
         impacts=tuple(run.active_set.impacts),
+        rest_times=run.active_set.rest_times,
         evaluations=run.steps,
         settings={"taylor_tolerance": run.tolerance, "taylor_order": float(run.order)},
         wall_time=time.perf_counter() - started,

@@ -179,7 +179,9 @@ class TaylorSystem:
             right.append(None)
         # Outer bodies first: a tree then fills in nothing. Slides couple all bodies and come after them.
         order = [*reversed(range(s.n_angles)), *range(s.n_angles, len(right))]
-        return solve_ldl(matrix, right, order)
+        solved = solve_ldl(matrix, right, order)
+        # A coordinate that nothing accelerates has a plain zero, of which heyoka makes no expression by itself.
+        return [self._hy.expression(value) if isinstance(value, float) else value for value in solved]
 
     def _hold_point(self, matrix: dict[tuple[int, int], Any], row: int, point: int, active: Any) -> Any:
         """Put a point stop's gradient into its row; what belongs on the right, -gamma."""

@@ -29,6 +29,9 @@ OTHERS = [
     ("three-cranks", {"length": 0.4, "spacing": 0.1, "beam": 20.0, "amplitude": 1.3}),
     ("slider-crank", {"crank": 0.05, "rod": 0.17, "m_slider": 0.4, "speed": 90.0}),
     ("trammel", {"length": 0.3, "amplitude": 3.0}),
+    ("bouncing", {"restitution": 0.0}),
+    ("bouncing", {"restitution": 0.9}),
+    ("bouncing", {"restitution": 1.0, "height": 30.0}),
     ("stopped-pendulum", {"opening": 0.2, "swing": 2.0, "restitution": 1.0}),
 ]
 """Parameters that are not the published ones: closed forms hold for all."""
