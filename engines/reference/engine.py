@@ -89,13 +89,9 @@ def _redundant_dynamics(mechanism: Mechanism, state: State) -> Dynamics:
     system = RedundantSystem(placed)
     y = system.start
     a = system.rates(y, state.closed)[system.n :]
-    slides = [
-        float((complex(*system.point(y, a, s.joint.child, s.joint.child_point)[2]) * s.direction.conjugate()).real)
-        for s in mechanism.slides
-    ]
     torques = system.torques(y, state.closed)
     return Dynamics(
-        accelerations=np.concatenate([a[2::3], slides]),
+        accelerations=system.accelerations(y, state.closed),
         stop_torques=dict(zip(state.closed, torques.tolist(), strict=True)),
         centres={body.name: system.point(y, a, body.name, body.centre)[0] for body in mechanism.bodies},
         stop_gaps={name: system.gap(y[: system.n], name) for name in state.closed},

@@ -100,7 +100,7 @@ class MinimalMotion:
     def energy(self, t: float) -> float:
         """Total energy [J]."""
         q, u = self.state(t)
-        return float(self.kinematics.kinetic_energy(q, u) + self.kinematics.potential_energy(q))
+        return float(self.kinematics.kinetic_energy(q, u) + self.solution.equations.potential_energy(q))
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,13 @@ tree or loop, and closed stops are constraints g(x) = 0 alike, solved in the ind
 forces on their children and the stops' torques. After each step the state is put back on g = 0 and G v = 0 by the
 smallest move in the mass metric (coordinate projection, Eich 1993), so nothing drifts and no Baumgarte term acts.
 
-Nothing here uses :mod:`...models.kinematics`, :mod:`..equations` or :mod:`..solver`: what the two formulations agree on
-is not a shared mistake. Stops follow the release-once law.
+Nothing here uses :mod:`...models.kinematics`, :mod:`...models.applied_forces`, :mod:`..equations` or :mod:`..solver`:
+what the two formulations agree on is not a shared mistake. Stops follow the release-once law.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,18 +24,16 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import UnsupportedProblemError
-from ...models.features import Feature, refuse_features
-from ...models.joints import GROUND
+from ...models.joints import GROUND, AnyJoint
 from ...models.launch import Launch, rest_opened
-from ...models.mechanism import Body, Mechanism, Slide
+from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.spec import Vector
-from ...models.stops import Stop
+from ...models.stops import PointStop, Stop
+from .cartesian import AppliedCartesian, BodyPoint, Components, angle_rows, right_angle, turned
 from .constrained import ConstrainedMotion, integrate
 from .quantities import PointState
 
-FEATURES: frozenset[Feature] = frozenset()
-"""Elements that it has."""
 _DEPENDENT = 1e-6  # of the largest singular value: constraints more nearly dependent follow from each other
 _PROJECTIONS = 3  # Newton converges in one from the rounding of a step; the start may need another
 
@@ -42,39 +41,57 @@ _PROJECTIONS = 3  # Newton converges in one from the rounding of a step; the sta
 class RedundantSystem:
     """A mechanism with three coordinates a body; states are y = (x, v), shape (6 n_bodies,).
 
-    `x` runs body by body: centre x, centre y, angle. Constraint rows: joints in the mechanism's order (two for a
-    pin, one for a slot), then the active stops.
+    `x` runs body by body: centre x, centre y, angle. Constraint rows: held directions of the joints, in the
+    mechanism's order (two for a pin, one for a slot), then the angles that joints hold, then the active stops.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
-        refuse_features(mechanism, FEATURES, "the redundant formulation")
         self.mechanism = mechanism
         self.n = 3 * len(mechanism.bodies)
         self._index = {body.name: i for i, body in enumerate(mechanism.bodies)}
         masses = [(body.mass, body.mass, body.inertia) for body in mechanism.bodies]
         self._mass = np.diag(np.ravel(masses))
-        self._weight = np.ravel([(0.0, -body.mass * mechanism.gravity, 0.0) for body in mechanism.bodies])
-        self._gather_joints()
-        self._point_stops = {stop.name: stop for stop in mechanism.point_stops}
+        self._applied = AppliedCartesian(mechanism)
+        held = [(joint, direction) for joint in mechanism.joints for direction in joint.held_directions]
+        self._held = _components(mechanism, held)
+        rigid = [joint for joint in mechanism.joints if joint.turned_by is not None]
+        self._rigid = angle_rows(mechanism, [(joint.child, joint.parent) for joint in rigid])
+        self._free = _components(mechanism, [(slide.joint, slide.direction) for slide in mechanism.slides])
+        self._turning = np.array([body.angle is not None for body in mechanism.bodies])
+        self._walls = {stop.name: _distance(mechanism, stop) for stop in mechanism.point_stops}
         self._angle_rows = {stop.name: self._angle_row(stop) for stop in mechanism.angle_stops}
         self.stops = tuple(stop.name for stop in mechanism.stops if stop.closed)
         self._ranks: dict[tuple[str, ...], int] = {}
+        self._start = self._placed()
+        angles = (self._rigid @ self._start[: self.n]).tolist()
+        # Of a joint that closes a loop the angle may be full turns apart.
+        apart = [
+            math.remainder(a - (joint.turned_by or 0.0), 2 * math.pi) for a, joint in zip(angles, rigid, strict=True)
+        ]
+        self._turned_by = np.array(angles) - np.array(apart)
 
     @property
     def start(self) -> FloatArray:
-        """State at t = 0, bodies placed from the ground outwards."""
+        """State at t = 0."""
+        return self._start
+
+    def _placed(self) -> FloatArray:
+        """The state at t = 0, bodies placed from the ground outwards."""
         mechanism = self.mechanism
         q = dict(zip(mechanism.coordinates, mechanism.start, strict=True))
         u = dict(zip(mechanism.coordinates, mechanism.start_speeds or (0.0,) * len(q), strict=True))
         x, v = np.zeros(self.n), np.zeros(self.n)
         for joint in mechanism.tree_joints:
-            body, i = mechanism.body(joint.child), 3 * self._index[joint.child]
-            x[i + 2], v[i + 2] = q[body.angle or ""], u[body.angle or ""]
+            i, name = 3 * self._index[joint.child], mechanism.body(joint.child).angle
+            angle, spin = self._turn(x, joint.parent), self._turn(v, joint.parent)
             position, speed = self._point(x, v, joint.parent, joint.parent_point)
-            for name, direction in zip(joint.slides, joint.free_directions, strict=True):
-                position = position + q[name] * np.array(_vector(direction))
-                speed = speed + u[name] * np.array(_vector(direction))
-            arm, turn = self._arm(x[i + 2], body, joint.child_point)
+            for coordinate, free in zip(joint.slides, joint.free_directions, strict=True):
+                along = turned(np.array(_vector(free)), angle)
+                position = position + q[coordinate] * along
+                speed = speed + u[coordinate] * along + q[coordinate] * spin * right_angle(along)
+            x[i + 2] = q[name] if name is not None else angle + (joint.turned_by or 0.0)
+            v[i + 2] = u[name] if name is not None else spin
+            arm, turn = self._arm(x[i + 2], joint.child, joint.child_point)
             x[i : i + 2], v[i : i + 2] = position - arm, speed - v[i + 2] * turn
         return np.concatenate([x, v])
 
@@ -84,12 +101,13 @@ class RedundantSystem:
 
     def torques(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
         """Torques of the active stops [N m], in their order."""
-        return self._solve(y, active)[self.n + len(self._fixed) :]
+        return self._solve(y, active)[self.n + len(self._held) + len(self._rigid) :]
 
     def gap_accelerations(self, y: FloatArray, active: tuple[str, ...], of: tuple[str, ...]) -> FloatArray:
         """Second derivatives of gaps [rad/s^2 or m/s^2] while `active` are active."""
         x, v, a = y[: self.n], y[self.n :], self._solve(y, active)[: self.n]
-        return np.array([self._stop_row(x, name) @ a - self._inward(x, v, name) for name in of])
+        gaps = (self._gap_derivatives(x, v, name) for name in of)
+        return np.array([row[0] @ a - inward[0] for row, inward in gaps])
 
     def projected(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
         """The nearest state, in the mass metric, that fulfils constraints and their rates to rounding."""
@@ -97,17 +115,15 @@ class RedundantSystem:
         nothing = np.zeros(self.n)
         for _ in range(_PROJECTIONS):
             error = np.concatenate([self.joint_errors(x), [self.gap(x, name) for name in active]])
-            x += self._kkt(active, self._jacobian(x, active), nothing, -error)[: self.n]
+            x += self._kkt(active, self._constraints(x, v, active)[0], nothing, -error)[: self.n]
             if np.abs(error).max(initial=0.0) < 1e-12:
                 break
-        jacobian = self._jacobian(x, active)
+        jacobian = self._constraints(x, v, active)[0]
         return np.concatenate([x, v + self._kkt(active, jacobian, nothing, -jacobian @ v)[: self.n]])
 
     def joint_errors(self, x: FloatArray) -> FloatArray:
-        """By how much each joint's rows are broken [m]."""
-        arms, _ = self._arms(x)
-        places = x[self._columns] + arms
-        return self._fixed + self._gather @ np.sum(self._directions * places, axis=1)
+        """By how much each joint's rows are broken [m, rad]."""
+        return np.concatenate([self._held.values(x), self._rigid @ x - self._turned_by])
 
     def gap(self, x: FloatArray, name: str) -> float:
         """Gap of a stop [rad, or m for one on a point]."""
@@ -122,67 +138,43 @@ class RedundantSystem:
 
     def coordinates(self, x: FloatArray) -> FloatArray:
         """The mechanism's own coordinates q, shape (n_q,) [rad or m]."""
-        slides = [self._slide(x, slide) for slide in self.mechanism.slides]
-        return np.concatenate([x[2::3], slides])
+        return np.concatenate([x[2::3][self._turning], self._free.values(x)])
 
     def speeds(self, y: FloatArray) -> FloatArray:
         """The mechanism's own speeds u, shape (n_q,)."""
         x, v = y[: self.n], y[self.n :]
-        slides = [
-            float(np.dot(_vector(s.direction), self._point(x, v, s.joint.child, s.joint.child_point)[1]))
-            for s in self.mechanism.slides
-        ]
-        return np.concatenate([v[2::3], slides])
+        return np.concatenate([v[2::3][self._turning], self._free.jacobian(x) @ v])
+
+    def accelerations(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
+        """The mechanism's own accelerations under the joints and the active stops, shape (n_q,)."""
+        x, v, a = y[: self.n], y[self.n :], self._solve(y, active)[: self.n]
+        jacobian, inward = self._free.derivatives(x, v)
+        return np.concatenate([a[2::3][self._turning], jacobian @ a - inward])
 
     def point(
         self, y: FloatArray, a: FloatArray, body: str, point: Vector
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Position [m], velocity [m/s] and acceleration [m/s^2] of a body's point, each (2,)."""
-        x, v, i = y[: self.n], y[self.n :], 3 * self._index[body]
+        x, v = y[: self.n], y[self.n :]
         position, speed = self._point(x, v, body, point)
-        arm, turn = self._arm(x[i + 2], self.mechanism.body(body), point)
+        if body == GROUND:
+            return position, speed, np.zeros(2)
+        i = 3 * self._index[body]
+        arm, turn = self._arm(x[i + 2], body, point)
         return position, speed, a[i : i + 2] + a[i + 2] * turn - v[i + 2] ** 2 * arm
 
     def energy(self, y: FloatArray) -> float:
-        """Total energy [J], zero of potential at y = 0."""
+        """Total energy, of gravity (zero at the world's origin) and springs [J]."""
         x, v = y[: self.n], y[self.n :]
-        return float(v @ self._mass @ v) / 2 - float(self._weight @ x)
+        return float(v @ self._mass @ v) / 2 + self._applied.potential_energy(x)
 
     def reactions(self, y: FloatArray, active: tuple[str, ...]) -> dict[str, FloatArray]:
         """Force of each joint on its child, world frame [N], (2,): the multipliers themselves."""
         multipliers = self._solve(y, active)[self.n :]
-        forces: dict[str, FloatArray] = {}
-        row = 0
-        for joint in self.mechanism.joints:
-            held = np.array([_vector(direction) for direction in joint.held_directions])
-            forces[joint.name] = multipliers[row : row + len(held)] @ held
-            row += len(held)
-        return forces
-
-    def _gather_joints(self) -> None:
-        """Points that constraint rows are made of: a row gains direction . (centre + turned offset) of a body."""
-        constants: list[float] = []
-        anchors: list[tuple[int, int, Vector, Vector]] = []
-        for joint in self.mechanism.joints:
-            directions = [_vector(direction) for direction in joint.held_directions]
-            ends = ((joint.child, joint.child_point, 1.0), (joint.parent, joint.parent_point, -1.0))
-            for x, y in directions:
-                constants.append(0.0)
-                for body, (a, b), sign in ends:
-                    if body == GROUND:
-                        constants[-1] += sign * x * a + sign * y * b
-                        continue
-                    centre = self.mechanism.body(body).centre
-                    offset = (a - centre[0], b - centre[1])
-                    anchors.append((len(constants) - 1, self._index[body], (sign * x, sign * y), offset))
-        self._fixed = np.array(constants)
-        self._rows, bodies, self._directions, self._offsets = (np.array(part) for part in zip(*anchors, strict=True))
-        self._columns = 3 * bodies[:, None] + np.array([0, 1])
-        self._angles = 3 * bodies + 2
-        self._gather = np.zeros((len(constants), len(bodies)))
-        self._gather[self._rows, np.arange(len(bodies))] = 1.0
-        self._straight = np.zeros((len(constants), self.n))
-        np.add.at(self._straight, (self._rows[:, None], self._columns), self._directions)
+        rows = multipliers[: len(self._held), None] * self._held.along(y[: self.n])
+        ends = np.cumsum([len(joint.held_directions) for joint in self.mechanism.joints])
+        parts = np.split(rows, ends[:-1])
+        return {joint.name: part.sum(axis=0) for joint, part in zip(self.mechanism.joints, parts, strict=True)}
 
     def _angle_row(self, stop: Stop) -> FloatArray:
         row = np.zeros(self.n)
@@ -191,56 +183,34 @@ class RedundantSystem:
                 row[3 * self._index[body] + 2] += sign
         return row
 
-    def _stop_row(self, x: FloatArray, name: str) -> FloatArray:
-        """Gradient of a stop's gap, shape (3 n_bodies,)."""
+    def _gap_derivatives(self, x: FloatArray, v: FloatArray, name: str) -> tuple[FloatArray, FloatArray]:
+        """Gradient of a stop's gap (1, 3 n_bodies), and minus its gamma (1,)."""
         if name in self._angle_rows:
-            return self._angle_rows[name]
-        stop = self._point_stops[name]
-        row = np.zeros(self.n)
-        if stop.body != GROUND:
-            i = 3 * self._index[stop.body]
-            _, turn = self._arm(x[i + 2], self.mechanism.body(stop.body), stop.point)
-            row[i : i + 3] = (*stop.normal, np.dot(stop.normal, turn))
-        return row
+            return self._angle_rows[name][None], np.zeros(1)
+        return self._walls[name].derivatives(x, v)
 
-    def _inward(self, x: FloatArray, v: FloatArray, name: str) -> float:
-        """Minus gamma of a stop: the centripetal acceleration of its point towards where it may be."""
-        stop = self._point_stops.get(name)
-        if stop is None or stop.body == GROUND:
-            return 0.0
-        i = 3 * self._index[stop.body]
-        arm, _ = self._arm(x[i + 2], self.mechanism.body(stop.body), stop.point)
-        return float(np.dot(stop.normal, arm) * v[i + 2] ** 2)
+    def _turn(self, x: FloatArray, body: str) -> float:
+        """Angle of a body or the ground [rad], or what stands in its place in x."""
+        return 0.0 if body == GROUND else float(x[3 * self._index[body] + 2])
 
-    def _arms(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Offsets of the anchors in the world, and their derivatives by the angle, shape (n_anchors, 2)."""
-        c, s = np.cos(x[self._angles]), np.sin(x[self._angles])
-        a, b = self._offsets[:, 0], self._offsets[:, 1]
-        along, up = a * c + b * s, b * c - a * s
-        return np.stack([along, up], axis=1), np.stack([up, -along], axis=1)
-
-    def _arm(self, angle: float, body: Body, point: Vector) -> tuple[FloatArray, FloatArray]:
-        a, b = point[0] - body.centre[0], point[1] - body.centre[1]
-        c, s = np.cos(angle), np.sin(angle)
-        arm = np.array([a * c + b * s, b * c - a * s])
-        return arm, np.array([arm[1], -arm[0]])
+    def _arm(self, angle: float, body: str, point: Vector) -> tuple[FloatArray, FloatArray]:
+        """A point's offset from its body's centre in the world, and its derivative by the angle."""
+        arm = turned(np.subtract(point, self.mechanism.bodies[self._index[body]].centre), angle)
+        return arm, right_angle(arm)
 
     def _point(self, x: FloatArray, v: FloatArray, body: str, point: Vector) -> tuple[FloatArray, FloatArray]:
         if body == GROUND:
             return np.array(point), np.zeros(2)
         i = 3 * self._index[body]
-        arm, turn = self._arm(x[i + 2], self.mechanism.body(body), point)
+        arm, turn = self._arm(x[i + 2], body, point)
         return x[i : i + 2] + arm, v[i : i + 2] + v[i + 2] * turn
 
-    def _slide(self, x: FloatArray, slide: Slide) -> float:
-        position, _ = self._point(x, x, slide.joint.child, slide.joint.child_point)
-        return float(np.dot(_vector(slide.direction), position - np.array(slide.joint.parent_point)))
-
-    def _jacobian(self, x: FloatArray, active: tuple[str, ...]) -> FloatArray:
-        _, turns = self._arms(x)
-        joints = self._straight.copy()
-        np.add.at(joints, (self._rows, self._angles), np.sum(self._directions * turns, axis=1))
-        return np.vstack([joints, *(self._stop_row(x, name) for name in active)])
+    def _constraints(self, x: FloatArray, v: FloatArray, active: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
+        """G, and minus gamma."""
+        held, inward = self._held.derivatives(x, v)
+        stops = [self._gap_derivatives(x, v, name) for name in active]
+        rows = np.vstack([held, self._rigid, *(row for row, _ in stops)])
+        return rows, np.concatenate([inward, np.zeros(len(self._rigid)), *(gamma for _, gamma in stops)])
 
     def _kkt(self, active: tuple[str, ...], jacobian: FloatArray, forces: FloatArray, right: FloatArray) -> FloatArray:
         """Accelerations and multipliers; of dependent constraints the multipliers of least norm."""
@@ -262,10 +232,20 @@ class RedundantSystem:
     def _solve(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
         """Accelerations, then multipliers."""
         x, v = y[: self.n], y[self.n :]
-        arms, _ = self._arms(x)
-        inward = np.sum(self._directions * arms, axis=1) * v[self._angles] ** 2  # minus gamma, anchor by anchor
-        right = np.concatenate([self._gather @ inward, [self._inward(x, v, name) for name in active]])
-        return self._kkt(active, self._jacobian(x, active), self._weight, right)
+        jacobian, right = self._constraints(x, v, active)
+        return self._kkt(active, jacobian, self._applied.generalized(x, v), right)
+
+
+def _components(mechanism: Mechanism, of: list[tuple[AnyJoint, complex]]) -> Components:
+    """Of the vectors from the parents' points to the children's; where all are held, in the world's directions."""
+    ends = [((joint.child, joint.child_point), (joint.parent, joint.parent_point)) for joint, _ in of]
+    turning = [bool(joint.free_directions) and joint.parent != GROUND for joint, _ in of]
+    return Components(mechanism, ends, [direction for _, direction in of], turning)
+
+
+def _distance(mechanism: Mechanism, stop: PointStop) -> Components:
+    ends: tuple[BodyPoint, BodyPoint] = ((stop.body, stop.point), (stop.relative_to, (0.0, 0.0)))
+    return Components(mechanism, [ends], [complex(*stop.normal)], [stop.relative_to != GROUND])
 
 
 @dataclass(frozen=True)
