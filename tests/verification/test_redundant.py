@@ -14,9 +14,10 @@ import pytest
 import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given, seed, settings
-from mechanisms import slider_crank
+from mechanisms import everything, slider_crank
 from trebucheck.reference.certification.certificate import estimate_uncertainty
 from trebucheck.reference.certification.redundant import RedundantMotion, RedundantSystem, solve_redundant
+from trebucheck.reference.equations import Equations
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
@@ -167,3 +168,32 @@ def test_projection_puts_a_state_back_on_its_joints() -> None:
 def test_another_law_is_refused() -> None:
     with pytest.raises(tb.UnsupportedProblemError, match="release-once"):
         solve_redundant(tb.Problem(tb.fixed(), duration=1.0, stop_law="unilateral"))
+
+
+@pytest.mark.parametrize("closed", [(), ("deck",)], ids=["open", "on a moving wall"])
+def test_every_element_has_the_same_accelerations_and_energy(closed: tuple[str, ...]) -> None:
+    """To rounding: both solve linear equations of condition 1e3 or so."""
+    mechanism, random = everything(), np.random.default_rng(3)
+    q, u = (np.array(start) + random.uniform(-1, 1, 7) for start in (mechanism.start, mechanism.start_speeds))
+    system = RedundantSystem(mechanism.model_copy(update={"start": tuple(q), "start_speeds": tuple(u)}))
+    equations, y = Equations(mechanism), system.start
+    accelerations, forces = equations.solve(q, u, closed)
+    assert system.coordinates(y[: system.n]) == pytest.approx(q, abs=1e-12)
+    assert system.speeds(y) == pytest.approx(u, abs=1e-12)
+    assert system.accelerations(y, closed) == pytest.approx(accelerations, rel=1e-12, abs=1e-11)
+    assert system.torques(y, closed) == pytest.approx(forces, rel=1e-12)
+    energy = equations.kinematics.kinetic_energy(q, u) + equations.potential_energy(q)
+    assert system.energy(y) == pytest.approx(float(energy), rel=1e-12)
+
+
+def test_every_element_makes_the_same_motion() -> None:
+    problem = tb.Problem(everything(), duration=1.0)
+    solution, motion = solve(problem), solve_redundant(problem)
+    times = np.linspace(0.0, 1.0, 9)
+    trajectory = solution.trajectory(times)
+    for i, t in enumerate(times):
+        assert motion.state(float(t))[0] == pytest.approx(trajectory.q[i], abs=NEED)
+        assert motion.state(float(t))[1] == pytest.approx(trajectory.u[i], abs=NEED)
+        for name, force in motion.joint_reactions(float(t)).items():
+            if name in trajectory.joint_reactions:
+                assert force == pytest.approx(trajectory.joint_reaction(name)[i], abs=1e-8)  # 1e-9 of some 10 N
