@@ -18,6 +18,7 @@ from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 from ..report.document import Figure
 from ..report.plots import LOGARITHMIC, REFERENCE_LINE, finish, run_style, skeleton
+from ..runs.balance import sampled_balance
 
 if TYPE_CHECKING:
     from ..runs.results import Machine
@@ -101,7 +102,8 @@ def figures(comparison: Comparison, machine: Machine) -> Iterator[Figure]:
         if quantities:
             plot = drawn(_over_time, quantities, unit, machine.compared_to)
             yield Figure(plot, title, f"{text} Below, the differences to the reference.")
-    text = "Of the total energy at the start. Nothing dissipates: any drift is numerical."
+    text = "Less the work of dampers, constant forces and torques; of the total energy at the start. Any drift but at "
+    text += "impacts is numerical."
     yield Figure(drawn(_energy_drift), "Energy drift", text)
 
 
@@ -114,7 +116,7 @@ def _quantities(machine: Machine) -> Iterator[tuple[str, str, str, dict[str, Qua
     text = "At least 0 while the contact of the stop is active, 0 once it is released."
     yield "Stop torques", text, "N m", {stop.name: _stop_torque(stop.name) for stop in closed["N m"]}
     yield "Stop forces", text, "N", {stop.name: _stop_torque(stop.name) for stop in closed["N"]}
-    forces = {joint.name: _joint_force(joint.name) for joint in mechanism.joints}
+    forces = {joint.name: _joint_force(joint.name) for joint in mechanism.joints if joint.held_directions}
     yield "Joint forces", "Magnitude of the force on each joint's child.", "N", forces
 
 
@@ -189,7 +191,7 @@ def _energy_drift(solution: Solution, runs: Sequence[Line]) -> go.Figure:
     start = float(solution.trajectory(np.zeros(1)).total_energy[0])
     figure = go.Figure()
     for run in runs:
-        t, energy = run.reference.t, run.trajectory.total_energy
+        t, (energy, _) = run.reference.t, sampled_balance(run.trajectory)
         t, values = _thinned(t, np.abs(energy[: len(t)] - start) / (abs(start) or 1.0))
         figure.add_scatter(x=t, y=values, **run.style)
     figure.update_yaxes(title="|E - E(0)| / |E(0)|" if start else "|E - E(0)| [J]", **LOGARITHMIC)

@@ -71,13 +71,15 @@ def _unit(parts: Sequence[dict[str, Any]], direction: str) -> list[dict[str, Any
 def _touching(bare: Mechanism, stops: Sequence[Stop | PointStop]) -> tuple[Stop | PointStop, ...]:
     """The stops, with those that are closed moved to where they touch at the mechanism's start."""
     kinematics, q = Kinematics(bare), np.array(bare.start)
-    angle = {body.name: bare.start[i] for i, body in enumerate(bare.bodies)}
+
+    def angle(body: str) -> float:
+        return float(kinematics.angle(body).value(q))
 
     def position(body: str, point: Vector) -> complex:
         return complex(*kinematics.position(kinematics.point(body, point), q))
 
     def moved(stop: Stop | PointStop) -> Stop | PointStop:
-        return stop.model_copy(update={stop.position_field: float(stop.component(angle.__getitem__, position))})
+        return stop.model_copy(update={stop.position_field: float(stop.component(angle, position))})
 
     return tuple(moved(stop) if stop.closed else stop for stop in stops)
 

@@ -75,7 +75,7 @@ def _plain(mechanism: Mechanism, states: Sequence[State], inspection: Inspection
     ):
         if abs(value - right) > EXACT * max(1.0, abs(right)):
             mistake = _mistaken(float(value), right)
-            amount = mistake or _difference(float(value) - right, "rad" if i < len(mechanism.bodies) else "m")
+            amount = mistake or _difference(float(value) - right, "rad" if i < len(mechanism.angles) else "m")
             yield Cause(name=f"start of {name}", kind="start", amount=amount, explained=1.0 if mistake else _READ_OFF)
     for name, gap in gap_errors(expected(mechanism, states), inspection.dynamics).items():
         if abs(gap) > EXACT and mechanism.stop(name).effort == "torque":

@@ -92,6 +92,8 @@ def _series(c: Comparison, metric: Metric) -> Iterator[FloatArray]:
         yield c.distance(own.stop_torque(name), expected.stop_torque(name))
     elif metric.name == "joint_reaction_max":
         yield c.distance(own.joint_reaction(name), expected.joint_reaction(name))
+    elif metric.name == "energy_balance":
+        yield c.distance(*c.balance)
     elif metric.name in _ENERGIES:
         of = _ENERGIES[metric.name]
         yield c.distance(getattr(own, of), getattr(expected, of))
@@ -101,7 +103,6 @@ _COORDINATES = {"angle_max": "q", "slide_max": "q", "angular_speed_max": "u", "s
 _ENERGIES = {
     "kinetic_energy_max": "kinetic_energy",
     "potential_energy_max": "potential_energy",
-    "energy_balance": "total_energy",
 }
 """Field of a trajectory by metric."""
 

@@ -116,13 +116,14 @@ def _axes(r: Trajectory) -> Iterator[Reading]:
         yield Reading(f"velocities of the markers {how}", (replace(r, markers=slow),))
         forces = {n: change(v) for n, v in r.joint_reactions.items()}
         yield Reading(f"joint forces {how}", (replace(r, joint_reactions=forces),))
-    turned = {joint.name: _in_frame(r, joint.child, r.joint_reactions[joint.name]) for joint in r.mechanism.joints}
+    children = {joint.name: joint.child for joint in r.mechanism.joints}
+    turned = {name: _in_frame(r, children[name], force) for name, force in r.joint_reactions.items()}
     yield Reading("joint forces in the frame of the body", (replace(r, joint_reactions=turned),))
 
 
 def _in_frame(r: Trajectory, body: str, vectors: FloatArray) -> FloatArray:
     """Vectors of the world by their components in a body's frame."""
-    angle = r.q[:, [b.name for b in r.mechanism.bodies].index(body)]
+    angle = r.kinematics.angle(body).value(r.q)
     z = (vectors[:, 0] + 1j * vectors[:, 1]) * np.exp(1j * angle)
     return np.stack([z.real, z.imag], axis=1)
 
@@ -191,14 +192,13 @@ def _of_coordinates(r: Trajectory) -> Iterator[Reading]:
         yield Reading(f"sign of {name} and its speed", (replace(r, q=sign * r.q, u=sign * r.u),))
         yield Reading(f"sign of {name}", (replace(r, q=sign * r.q),))
         yield Reading(f"sign of the speed of {name}", (replace(r, u=sign * r.u),))
-    is_angle = np.arange(r.q.shape[1]) < len(r.mechanism.bodies)
+    is_angle = np.arange(r.q.shape[1]) < len(r.mechanism.angles)
     wrapped = np.angle(np.exp(1j * r.q))
     yield Reading("angles wrapped to half a turn", (replace(r, q=np.where(is_angle, wrapped, r.q)),))
     yield Reading("angles wrapped to a turn", (replace(r, q=np.where(is_angle, r.q % (2 * math.pi), r.q)),))
     yield Reading("coordinates relative to the start", (replace(r, q=r.q - np.array(r.mechanism.start)),))
-    parents = [joint.parent for joint in r.mechanism.tree_joints]
-    bodies = [body.name for body in r.mechanism.bodies]
-    columns = [bodies.index(parent) if parent != GROUND else None for parent in parents]
+    attitudes, joints = r.mechanism.attitudes, r.mechanism.tree_joints
+    columns = [attitudes[joint.parent][0] for joint in joints if not joint.holds_angle]  # one for each angle
     if any(column is not None for column in columns):
         q, u = r.q.copy(), r.u.copy()
         for i, column in enumerate(columns):

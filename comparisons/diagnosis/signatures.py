@@ -32,7 +32,7 @@ class Quantity:
 
 def quantities(trajectory: Trajectory) -> dict[str, Quantity]:
     """All that a trajectory tells, by name; sizes are those of its own motion."""
-    n_angles = len(trajectory.mechanism.bodies)
+    n_angles = len(trajectory.mechanism.angles)
     markers = trajectory.markers.items()
     reach = max((_largest(m.position) for _, m in markers), default=0.0) or 1.0
     speed = max((_largest(m.velocity) for _, m in markers), default=0.0) or _largest(trajectory.u) or 1.0

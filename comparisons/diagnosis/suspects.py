@@ -14,7 +14,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...models.joints import AnyJoint, SlotJoint
+from ...models.force_elements import ConstantForce
+from ...models.joints import AnyJoint, PrismaticJoint, SlotJoint
 from ...models.kinematics import initial_state
 from ...models.machines.parameters import TrebuchetParameters
 from ...models.machines.registry import model
@@ -65,6 +66,7 @@ def machine_suspects(mechanism: Mechanism) -> tuple[Suspect, ...]:
         _positions,
         _slots,
         wall_suspects,
+        _force_elements,
         _gravity,
         _starts,
         _missing,
@@ -197,7 +199,11 @@ def _shifted(mechanism: Mechanism, joint: AnyJoint) -> Iterator[Suspect]:
     """A loop joint's points, moved a little along each axis of their frames: more than a change of length."""
     for end in ("parent", "child"):
         for point, axis in zip(_aside(getattr(joint, f"{end}_point")), "xy", strict=True):
-            if end == "parent" and isinstance(joint, SlotJoint) and abs(np.dot(_AXES[axis], joint.axis)) == 1.0:
+            if (
+                end == "parent"
+                and isinstance(joint, SlotJoint | PrismaticJoint)
+                and abs(np.dot(_AXES[axis], joint.axis)) == 1.0
+            ):
                 continue  # a slot moved along its own line is the same slot
             wrong = _with_part(mechanism, "joints", joint.name, {f"{end}_point": point})
             group = f"place of the {joint.name} on the {getattr(joint, end)}"
@@ -224,7 +230,7 @@ def _turned(direction: tuple[float, float]) -> tuple[float, float]:
 def _slots(mechanism: Mechanism) -> Iterator[Suspect]:
     """Wrong directions of slots."""
     for joint in mechanism.joints:
-        if isinstance(joint, SlotJoint):
+        if isinstance(joint, SlotJoint | PrismaticJoint):
             wrong = _with_part(mechanism, "joints", joint.name, {"axis": _turned(joint.axis)})
             yield from _suspect(f"direction of the {joint.name}", "machine", wrong, unit="rad")
 
@@ -242,6 +248,25 @@ def wall_suspects(mechanism: Mechanism) -> Iterator[Suspect]:
             yield from _suspect(f"{group}, {axis}", "machine", wrong, unit="m", start_moves=True, group=group)
 
 
+def _force_elements(mechanism: Mechanism) -> Iterator[Suspect]:
+    """Springs, dampers, forces and torques: a wrong number, a wrong point, a missing element."""
+    for element in mechanism.force_elements:
+        name = element.name
+        for field in ("stiffness", "damping", "rest_length", "rest_angle", "torque"):
+            if value := getattr(element, field, 0.0):
+                wrong = _with_part(mechanism, "force_elements", name, {field: value * (1 + _SMALL)})
+                yield from _suspect(f"{field.replace('_', ' ')} of the {name}", "machine", wrong)
+        if isinstance(element, ConstantForce):
+            wrong = _with_part(mechanism, "force_elements", name, {"force": _longer(element.force)})
+            yield from _suspect(f"size of the {name}", "machine", wrong)
+        for field, body in (("point", element.body), ("relative_point", element.bodies[-1])):
+            for moved in _moves(mechanism, getattr(element, field)) if hasattr(element, field) else ():
+                wrong = _with_part(mechanism, "force_elements", name, {field: moved.point})
+                yield from moved.suspect(f"place of the {name} on the {body}", wrong)
+        left = [other.model_dump() for other in mechanism.force_elements if other.name != name]
+        yield from _suspect(f"{name} missing", "law", _changed(mechanism, force_elements=left), scale=0.0)
+
+
 def _gravity(mechanism: Mechanism) -> Iterator[Suspect]:
     if parameters_of(mechanism) is None:
         yield from _suspect("gravity", "machine", _changed(mechanism, gravity=mechanism.gravity * (1 + _SMALL)))
@@ -251,7 +276,7 @@ def _starts(mechanism: Mechanism) -> Iterator[Suspect]:
     """Each start coordinate; closed stops are moved with it."""
     named = parameters_of(mechanism) is not None
     for i, name in enumerate(mechanism.coordinates):
-        is_angle = i < len(mechanism.bodies)
+        is_angle = i < len(mechanism.angles)
         yield from _start_speed(mechanism, i)
         if named and is_angle:
             continue  # a parameter
@@ -263,7 +288,7 @@ def _starts(mechanism: Mechanism) -> Iterator[Suspect]:
 def _start_speed(mechanism: Mechanism, i: int) -> Iterator[Suspect]:
     """One start speed; the others are moved with it where stops or loops tie them to it."""
     equations, (q, u) = Equations(mechanism), initial_state(mechanism)
-    is_angle = i < len(mechanism.bodies)
+    is_angle = i < len(mechanism.angles)
     rate = math.sqrt((mechanism.gravity or 1.0) / mechanism_length(mechanism))
     step = _SMALL * rate * (1.0 if is_angle else mechanism_length(mechanism))
     wrong = np.zeros_like(u)

@@ -9,6 +9,7 @@ import numpy as np
 from ...models.mechanism import Mechanism
 from ...models.trajectory import Trajectory
 from ...reference.certification.certificate import Certificate, Figure
+from ..runs.balance import sampled_balance
 from ..runs.results import Machine, Metric, ResultFile, Run
 from .document import Block, Code, Document, Fold, Heading, Listing, Note, Table, Text, table
 from .numbers import format_number, format_settings
@@ -126,5 +127,6 @@ def _quantities(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     if launch is not None:
         yield "launch (velocity at 45 deg)", f"{launch.time:.9f} s"
         yield "launch speed", f"{launch.speed:.8f} m/s"
-    drift = np.abs(trajectory.total_energy - trajectory.total_energy[0]).max()
+    balance, _ = sampled_balance(trajectory)
+    drift = np.abs(balance - balance[0]).max()
     yield "energy drift", f"{drift:.3g} J of {trajectory.total_energy[0]:.6g} J"

@@ -18,11 +18,11 @@ import numpy as np
 from scipy.integrate import trapezoid
 
 from ...models.arrays import BoolArray, FloatArray
-from ...models.joints import GROUND, SlotJoint
 from ...models.launch import LAUNCH_ANGLE
 from ...models.problem import StopLaw
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
+from .balance import keeps_horizontal_momentum, reference_balance, sampled_balance
 from .parting import parting
 from .results import Metric
 from .scales import Scales, scales_until
@@ -70,6 +70,16 @@ class Comparison:
     def scales(self) -> Scales:
         """Of the reference motion up to the end."""
         return self.known_scales or scales_until(self.solution, self.end)
+
+    @cached_property
+    def balance(self) -> tuple[FloatArray, FloatArray]:
+        """T + V - W of the trajectory (:mod:`.balance`) and of the reference, at the trajectory's times [J].
+
+        W of samples that begin late is the reference's until then.
+        """
+        expected = reference_balance(self.solution, self.reference)
+        before = float(self.reference.total_energy[0] - expected[0])
+        return sampled_balance(self.trajectory)[0] - before, expected
 
     @cached_property
     def step(self) -> float:
@@ -150,10 +160,10 @@ def _positions(c: Comparison) -> Iterator[Metric]:
 
 
 def _coordinates(c: Comparison) -> Iterator[Metric]:
-    n_bodies = len(c.trajectory.mechanism.bodies)
+    n_angles = len(c.trajectory.mechanism.angles)
     for i, name in enumerate(c.trajectory.mechanism.coordinates):
         value = float(c.distance(c.trajectory.q[:, i], c.reference.q[:, i]).max())
-        turns = i < n_bodies
+        turns = i < n_angles
         kind, unit = ("angle_max", "rad") if turns else ("slide_max", "m")
         yield Metric(name=kind, subject=name, value=value, unit=unit)
         kind, unit = ("angular_speed_max", "rad/s") if turns else ("slide_speed_max", "m/s")
@@ -270,7 +280,7 @@ def _away_from_releases(c: Comparison) -> BoolArray:
 
 
 def _reactions(c: Comparison) -> Iterator[Metric]:
-    for joint in c.trajectory.mechanism.joints:
+    for joint in (each for each in c.trajectory.mechanism.joints if each.held_directions):
         name, force = joint.name, c.trajectory.joint_reactions.get(joint.name)
         if force is None:
             yield _not_observed("joint_reaction_max", name, "N")
@@ -290,15 +300,22 @@ def _energy(c: Comparison) -> Iterator[Metric]:
     yield c.largest("kinetic_energy_max", own.kinetic_energy, expected.kinetic_energy, "J")
     potential = c.distance(own.potential_energy, expected.potential_energy).max()
     yield Metric(name="potential_energy_max", value=potential, unit="J")
-    yield c.lasting.largest("energy_balance", own.total_energy, expected.total_energy, "J")
+    yield _balance(c.lasting)
     yield from _drift(c.lasting)
     yield from _momentum(c.lasting)
 
 
+def _balance(c: Comparison) -> Metric:
+    metric = c.largest("energy_balance", *c.balance, "J")
+    error = float(sampled_balance(c.trajectory)[1][c.keep].max())
+    return metric.model_copy(update={"sampling_error": error}) if error else metric
+
+
 def _drift(c: Comparison) -> Iterator[Metric]:
-    """Change of the total energy, of that at the start and of the largest kinetic energy."""
-    start = float(c.reference.total_energy[0])  # every trajectory begins at t = 0
-    drift = float(np.abs(c.trajectory.total_energy[c.keep] - start).max())
+    """Change of the balance of energy, of that at the start and of the largest kinetic energy."""
+    own, expected = c.balance
+    start = float(expected[0])  # every trajectory begins at t = 0
+    drift = float(np.abs(own[c.keep] - start).max())
     if start != 0:
         yield Metric(name="energy_drift", value=drift / abs(start), unit="1")
     kinetic = float(c.reference.kinetic_energy[c.keep].max())
@@ -307,11 +324,7 @@ def _drift(c: Comparison) -> Iterator[Metric]:
 
 
 def _momentum(c: Comparison) -> Iterator[Metric]:
-    """Where all that holds the machine are slots along x, its momentum along x is an invariant."""
-    mechanism = c.trajectory.mechanism
-    holds = [joint for joint in mechanism.joints if joint.parent == GROUND]
-    level = all(isinstance(joint, SlotJoint) and joint.axis[1] == 0 for joint in holds)
-    if not level or any(stop.normal[0] != 0 for stop in mechanism.point_stops):
+    if not keeps_horizontal_momentum(c.trajectory.mechanism):
         return
     moved = np.abs(c.trajectory.momentum[c.keep, 0] - c.reference.momentum[0, 0]).max()
     yield Metric(name="horizontal_momentum", value=float(moved), unit="kg m/s")

@@ -41,11 +41,11 @@ class Quantity:
         """Names that a tolerance of it can be stated for."""
         of: dict[str, Iterable[str | None]] = {
             "marker": (marker.name for marker in mechanism.markers),
-            "angle": (body.angle for body in mechanism.bodies),
-            "slide": (joint.coordinate for joint in mechanism.slides),
+            "angle": mechanism.angles,
+            "slide": (slide.coordinate for slide in mechanism.slides),
             "stop": (stop.name for stop in mechanism.stops),
             "closed stop": (stop.name for stop in mechanism.stops if stop.closed),
-            "joint": (joint.name for joint in mechanism.joints),
+            "joint": (joint.name for joint in mechanism.joints if joint.held_directions),
         }
         return tuple(name for name in of.get(self.of, ()) if name is not None)
 

@@ -59,6 +59,11 @@ class Metric(Spec):
     subject: str | None = Field(default=None, description="marker, coordinate, stop or joint it is about")
     value: Real | None
     unit: str
+    sampling_error: Real | None = Field(
+        default=None,
+        exclude_if=lambda value: value is None,
+        description="what the samples leave unknown of it; added to the tolerance",
+    )
     observed: bool = Field(default=True, description="false: the engine does not tell it, or it is not determined")
     follows: str | None = Field(default=None, description="metric from which it follows; it has no verdict of its own")
     tolerance: Real | None = None

@@ -8,11 +8,15 @@ has a least value, so that a mechanism at rest, or a joint without load, can be 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from pydantic import Field
 
+from ...models.applied_forces import AppliedForces
 from ...models.arrays import FloatArray
+from ...models.force_elements import RotationalSpringDamper, SpringDamper
+from ...models.joints import GROUND, FreeJoint
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Body, Mechanism
 from ...models.spec import NonNegative, Positive, Spec
@@ -34,15 +38,16 @@ _LEAST_TORQUE = 1e-3
 class Scales(Spec):
     """Of one mechanism and its reference motion up to the end of what is compared."""
 
-    length: Positive = Field(description="sum of the bodies' lengths [m]")
+    length: Positive = Field(description="sum of the bodies' lengths, or the farthest way along a slide if longer [m]")
     angle: Positive = Field(default=1.0, description="[rad]")
     time: Positive = Field(
-        description="characteristic time: least of length over speed, sqrt(length / gravity) and ten times the end [s]"
+        description="characteristic time: least of length over speed, sqrt(length / gravity), sqrt(mass / stiffness) "
+        "of each spring and ten times the end [s]"
     )
     speed: Positive = Field(description="largest of any centre of mass or marker [m/s]")
     angular_speed: Positive = Field(description="largest of any body, or speed over length if more [rad/s]")
     mass: Positive = Field(description="of all bodies [kg]")
-    force: Positive = Field(description="largest force of any joint or of a stop on a point [N]")
+    force: Positive = Field(description="largest force of any joint, of a stop on a point or of springs on a body [N]")
     torques: dict[str, Positive] = Field(description="largest of each stop [N m, or N of one on a point]")
     energy: Positive = Field(description="largest kinetic energy plus largest change of potential energy [J]")
     largest_energy: NonNegative = Field(description="largest kinetic and potential energies, whatever their zero [J]")
@@ -60,6 +65,9 @@ def extent(mechanism: Mechanism, body: Body) -> float:
     points += [j.parent_point for j in mechanism.joints if j.parent == body.name]
     points += [j.child_point for j in mechanism.joints if j.child == body.name]
     points += [s.point for s in mechanism.point_stops if s.body == body.name]
+    springs = [e for e in mechanism.force_elements if isinstance(e, SpringDamper)]
+    points += [e.point for e in springs if e.body == body.name]
+    points += [e.relative_point for e in springs if e.relative_to == body.name]
     return max(math.sqrt(body.inertia / body.mass), *(math.dist(pivot, point) for point in points))
 
 
@@ -68,12 +76,17 @@ def scales_until(solution: Solution, end: float) -> Scales:
     reference = solution.trajectory(np.linspace(0.0, end, _SAMPLES))
     mechanism = reference.mechanism
     mass, gravity = sum(body.mass for body in mechanism.bodies), mechanism.gravity
-    length = size(mechanism) or 1.0
+    length = max(size(mechanism), _travel(reference, guided=True)) or _travel(reference) or 1.0
     shortest = _SHORTEST * (math.sqrt(length / gravity) if gravity else 1.0)
     end = max(end, shortest)
     least = _LEAST * max(math.sqrt(gravity * length), length / end)
     speed = max(_largest_speed(reference), least)
-    times = [length / speed, _LONGEST * end, *([math.sqrt(length / gravity)] if gravity else [])]
+    times = [
+        length / speed,
+        _LONGEST * end,
+        *([math.sqrt(length / gravity)] if gravity else []),
+        *_spring_times(mechanism),
+    ]
     least_force = _LEAST * mass * max(gravity, speed**2 / length)
     force = max(_largest_force(reference), least_force)
     kinetic = float(reference.kinetic_energy.max())
@@ -92,6 +105,25 @@ def scales_until(solution: Solution, end: float) -> Scales:
     )
 
 
+def _travel(reference: Trajectory, *, guided: bool = False) -> float:
+    """Farthest way along a slide [m]; guided: but those of free bodies."""
+    slides, n_angles = reference.mechanism.slides, len(reference.mechanism.angles)
+    ways = np.ptp(reference.q[:, n_angles:], axis=0)
+    chosen = [not (guided and isinstance(slide.joint, FreeJoint)) for slide in slides]
+    return float(ways[chosen].max(initial=0.0))
+
+
+def _spring_times(mechanism: Mechanism) -> Iterator[float]:
+    """sqrt(mass / stiffness) of the lightest body at each spring [s], by inertia of one on angles."""
+    for element in mechanism.force_elements:
+        if isinstance(element, SpringDamper | RotationalSpringDamper) and element.stiffness > 0:
+            bodies = [mechanism.body(name) for name in element.bodies if name != GROUND]
+            turns = isinstance(element, RotationalSpringDamper)
+            moved = [b.mass * extent(mechanism, b) ** 2 + b.inertia if turns else b.mass for b in bodies]
+            if min(moved) > 0:
+                yield math.sqrt(min(moved) / element.stiffness)
+
+
 def _largest_speed(reference: Trajectory) -> float:
     kinematics = Kinematics(reference.mechanism)
     rows = [kinematics.point(body.name, body.centre) for body in reference.mechanism.bodies]
@@ -101,12 +133,13 @@ def _largest_speed(reference: Trajectory) -> float:
 
 
 def _largest_turn(reference: Trajectory) -> float:
-    return float(np.abs(reference.u[:, : len(reference.mechanism.bodies)]).max())
+    return float(np.abs(reference.u[:, : len(reference.mechanism.angles)]).max(initial=0.0))
 
 
 def _largest_force(reference: Trajectory) -> float:
     forces = [_norm(force) for force in reference.joint_reactions.values()]
     on_points = [stop.name for stop in reference.mechanism.point_stops]
+    forces += [_norm(f) for f in AppliedForces(reference.kinematics).on_bodies(reference.q, reference.u).values()]
     return max([*forces, *(float(np.abs(reference.stop_torques[name]).max()) for name in on_points)], default=0.0)
 
 

@@ -18,7 +18,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from itertools import chain
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,7 @@ _KNOWN = 1e-4  # of a scale: the reference itself is not known better, and the d
 _SAMPLES = 400
 _NEAR = 0.1  # of the interval of the samples
 _EACH, _COMBINATIONS = 6, 3  # most bodies whose inertias are changed one by one; random combinations of more
+_NUMBERS = ("stiffness", "damping", "rest_length", "rest_angle", "force", "torque")
 _SHORTER = (1.0, 0.75, 0.5, 0.25)  # of the end: how far a changed mechanism is moved that cannot be moved to the end
 
 
@@ -61,7 +63,7 @@ class Stretching:
     t: FloatArray
     """[s], from the start to the end of the compared motion."""
     parameters: FloatArray
-    """By inertia."""
+    """By inertia, and by the numbers of force elements."""
     start: FloatArray
     """By coordinates and speeds at the start; of the configuration alone."""
     rounding: FloatArray
@@ -94,7 +96,7 @@ def stretching_until(solution: Solution, end: float, scales: Scales) -> Stretchi
     """
     changed = _Changed(solution, end, scales)
     t, mechanism = changed.t, solution.problem.mechanism
-    parameters = changed.largest(_with_other_inertias(mechanism), _motion)
+    parameters = changed.largest(chain(_with_other_inertias(mechanism), _with_other_forces(mechanism)), _motion)
     start = changed.largest(_with_other_starts(mechanism, scales), _configuration)
     steps = np.searchsorted(np.concatenate([segment.interpolant.ts for segment in solution.segments]), t)
     largest = np.maximum(parameters, start)
@@ -183,6 +185,25 @@ def _with_inertia(mechanism: Mechanism, body: Body, sign: float) -> Body:
     return body.model_copy(update={"inertia": body.inertia + (change if body.inertia + change >= 0 else -change)})
 
 
+def _with_other_forces(mechanism: Mechanism) -> Iterator[Mechanism]:
+    """All numbers of all force elements changed by a part of themselves, up or down at random."""
+    signs = np.random.default_rng(len(mechanism.force_elements))
+
+    def changed(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(changed(each) for each in cast("tuple[float, ...]", value))
+        return value * (1 + float(signs.choice([-_CHANGE, _CHANGE])))
+
+    elements = tuple(
+        element.model_copy(
+            update={name: changed(getattr(element, name)) for name in _NUMBERS if hasattr(element, name)}
+        )
+        for element in mechanism.force_elements
+    )
+    if elements:
+        yield mechanism.model_copy(update={"force_elements": elements})
+
+
 def _with_other_starts(mechanism: Mechanism, scales: Scales) -> Iterator[Mechanism]:
     """All coordinates, and then all speeds, up or down at random, as far as constraints let them."""
     equations, (q, u) = Equations(mechanism), initial_state(mechanism)
@@ -207,11 +228,11 @@ def _motion(solution: Solution, t: FloatArray, scales: Scales) -> NDArray[np.com
     """Everything judged along the motion in parts of its scale, plane vectors as complex numbers; shape (n_rows, n)."""
     mechanism, kinematics, motion = solution.problem.mechanism, solution.equations.kinematics, solution.motion(t)
     rows: list[NDArray[Any]] = []
-    for i, body in enumerate(mechanism.bodies):
-        centre = kinematics.point(body.name, body.centre)
+    for body in mechanism.bodies:
+        centre, angle = kinematics.point(body.name, body.centre), kinematics.angle(body.name)
         rows.append(_plane(kinematics.position(centre, motion.q)) / scales.length)
         rows.append(_plane(kinematics.velocity(centre, motion.q, motion.u)) / scales.speed)
-        rows += [motion.q[:, i] / scales.angle, motion.u[:, i] / scales.angular_speed]
+        rows += [angle.value(motion.q) / scales.angle, motion.u @ angle.coefficients / scales.angular_speed]
     rows += [_plane(force) / scales.force for force in solution.joint_reactions(motion).values()]
     return np.array(rows, dtype=np.complex128)
 

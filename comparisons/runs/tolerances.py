@@ -236,7 +236,18 @@ def _judged(metric: Metric, run: Run, machine: Machine, needs: Needs) -> Metric:
     refused = refusal(metric.name, metric.subject, applied.value, uncertainty)
     if refused is not None and not _surely_broken(metric, applied.value, uncertainty, scale):
         return metric.model_copy(update={"note": refused})
-    return metric.model_copy(update={"tolerance": applied.value, "source": applied.source, "reason": applied.reason})
+    return _held_against(metric, applied)
+
+
+def _held_against(metric: Metric, applied: AppliedTolerance) -> Metric:
+    """With its tolerance, widened by what samples leave unknown; not judged if only that much can decide."""
+    unknown, value, reason = metric.sampling_error or 0.0, applied.value, applied.reason
+    if unknown and metric.value is not None and abs(metric.value) > value:
+        if unknown > value and abs(metric.value) <= value + unknown:
+            note = f"the samples leave {unknown:.2g} {metric.unit} of it unknown, more than the tolerance {value:.2g}"
+            return metric.model_copy(update={"note": note})
+        value, reason = value + unknown, f"{reason}; and {unknown:.2g} that the samples leave unknown"
+    return metric.model_copy(update={"tolerance": value, "source": applied.source, "reason": reason})
 
 
 def _surely_broken(metric: Metric, tolerance: float, uncertainty: float | None, scale: float) -> bool:

@@ -30,7 +30,7 @@ from ...models.spec import Real, Spec
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 from ...reference.solver import characteristic_time
-from .metrics import THROWN, measure
+from .metrics import THROWN, against, measure
 from .runner import Runner, Worker, failure
 from .scales import Scales, scales_until
 from .store import Store, conditions
@@ -111,7 +111,7 @@ def deviation(
         for name in closed
         if name in trajectory.stop_torques
     }
-    start = float(reference.total_energy[0])
+    balance, kept = against(trajectory, solution, end, reference).balance
     measured = measure(trajectory, solution, end, reference, scales=scales, thrown=thrown)
     metrics = {m.label: m.value for m in measured if m.value is not None}
     farthest = {name: np.linalg.norm(error[trajectory.t <= end], axis=1).max() for name, error in errors.items()}
@@ -121,7 +121,7 @@ def deviation(
         force_units={name: trajectory.mechanism.stop(name).force_unit for name in torques},
         positions={name: _on_grid(trajectory.t, error, grid) for name, error in errors.items()},
         torques={name: tuple(values.tolist()) for name, values in torques.items()},
-        energy=tuple(np.interp(grid, trajectory.t, trajectory.total_energy - start).tolist()),
+        energy=tuple(np.interp(grid, trajectory.t, balance - kept[0]).tolist()),
         release_times={
             name: _difference(trajectory.release_time(name), solution.release_times[name]) for name in closed
         },

@@ -101,7 +101,7 @@ def _distance(metric: Metric, scales: Scales, solution: Solution) -> float:
     """Between the two integrations; as large as its scale, and so unknown, for an event that only one of them has."""
     if metric.value is None:
         return QUANTITIES[metric.name].scale_of(scales, metric.subject, solution.problem.mechanism)
-    return abs(metric.value)
+    return max(0.0, abs(metric.value) - (metric.sampling_error or 0.0))  # the reference is not known by samples
 
 
 def _rounding(metric: Metric, scales: Scales, solution: Solution) -> float:

@@ -76,7 +76,8 @@ def _name_faults(trajectory: Trajectory, mechanism: Mechanism, capabilities: Cap
     yield from _names("stop_torques", trajectory.stop_torques, stops, torques)
     yield from _names("release_times", trajectory.release_times, stops, closed)
     yield from _names("joint_gaps", trajectory.joint_gaps, joints, set())
-    promised = joints if capabilities.joint_reactions else set[str]()
+    held = {joint.name for joint in mechanism.joints if joint.held_directions}
+    promised = held if capabilities.joint_reactions else set[str]()
     yield from _names("joint_reactions", trajectory.joint_reactions, joints, promised)
 
 

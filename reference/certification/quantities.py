@@ -120,7 +120,7 @@ def _releases(motion: Motion, plan: Plan) -> _KeyedValues:
 def _coordinates(motion: Motion, plan: Plan, time: float, at: str) -> _KeyedValues:
     q, _ = motion.state(time)
     for i, name in enumerate(plan.mechanism.coordinates):
-        yield Key("coordinate", name, at, "rad" if i < len(plan.mechanism.bodies) else "m"), q[i]
+        yield Key("coordinate", name, at, "rad" if i < len(plan.mechanism.angles) else "m"), q[i]
 
 
 def _torques(motion: Motion, plan: Plan) -> _KeyedValues:

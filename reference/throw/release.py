@@ -100,8 +100,7 @@ class Projectile:
                 f"there is no sling angle: the {self.name} is part of the {self.body.name!r}, which hangs on no other "
                 "body; a release angle or a release time is needed."
             )
-        names, q = [body.name for body in self.mechanism.bodies], self.solution.motion(t).q
-        return q[:, names.index(self.body.name)] - q[:, names.index(self.arm)]
+        return self.solution.equations.kinematics.angle(self.body.name, self.arm).value(self.solution.motion(t).q)
 
     def release_at(self, time: float) -> Release:
         """Release at a time [s].

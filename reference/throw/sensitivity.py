@@ -129,10 +129,10 @@ def sensitivities(
 
 
 def _start_directions(mechanism: Mechanism) -> dict[str, Direction]:
-    names, n_bodies = mechanism.coordinates, len(mechanism.bodies)
+    names, n_angles = mechanism.coordinates, len(mechanism.angles)
     speeds: dict[str, Direction] = {f"u_{name}": {f"start_speeds.{i}": 1.0} for i, name in enumerate(names)}
     slides: dict[str, Direction] = {
-        f"{name}0": {f"start.{n_bodies + i}": 1.0} for i, name in enumerate(names[n_bodies:])
+        f"{name}0": {f"start.{n_angles + i}": 1.0} for i, name in enumerate(names[n_angles:])
     }
     return speeds | slides
 

@@ -1,0 +1,132 @@
+"""The balance of energy, T + V - W, where W is the work of what no energy tells: dampers, constant forces and torques.
+
+Between impacts it is constant, whatever acts. W is the time integral of the power of these elements: over an engine's
+own samples by Simpson's rule, from impact to impact, as the power jumps there; over the reference by Gauss's rule on
+its dense output, to rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+from scipy.integrate import cumulative_simpson, cumulative_trapezoid
+
+from ...models.applied_forces import AppliedForces
+from ...models.arrays import FloatArray
+from ...models.force_elements import ConstantForce, SpringDamper
+from ...models.joints import GROUND
+from ...models.mechanism import Mechanism
+from ...models.trajectory import Trajectory
+from ...reference.solution import Segment, Solution
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)  # exact to order 9; a step's dense output is of order 7
+
+
+def does_work(mechanism: Mechanism) -> bool:
+    """Whether a damper, a constant force or a constant torque may change the energy."""
+    return any(
+        getattr(element, "damping", 0.0) > 0 or element.kind in ("constant-force", "constant-torque")
+        for element in mechanism.force_elements
+    )
+
+
+def keeps_horizontal_momentum(mechanism: Mechanism) -> bool:
+    """Whether the momentum along x is an invariant: nothing from outside (joints, walls, forces) acts along it."""
+    held = (d for joint in mechanism.joints if joint.parent == GROUND for d in joint.held_directions)
+    walls = (stop.normal[0] for stop in mechanism.point_stops if stop.relative_to == GROUND)
+    forces = (e.force[0] for e in mechanism.force_elements if isinstance(e, ConstantForce))
+    pulled = any(isinstance(e, SpringDamper) and GROUND in e.bodies for e in mechanism.force_elements)
+    along = (*(direction.real for direction in held), *walls, *forces, mechanism.gravity_vector[0])
+    return not pulled and all(component == 0 for component in along)
+
+
+def sampled_balance(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
+    """T + V - W from the samples alone, W being zero at the first, and what the samples leave unknown of W.
+
+    Returns:
+        Both [J], shape (n,). The second never decreases: the difference between the integral and that over every
+        second sample, fifteen times the error where the power is smooth.
+    """
+    if not does_work(trajectory.mechanism):
+        return trajectory.total_energy, np.zeros(len(trajectory.t))
+    power = AppliedForces(trajectory.kinematics).power(trajectory.q, trajectory.u)
+    work, error = _integrated(trajectory.t, power, [time for time, _ in trajectory.impacts])
+    return trajectory.total_energy - work, error
+
+
+def reference_balance(solution: Solution, reference: Trajectory) -> FloatArray:
+    """T + V - W of the reference at a trajectory's times [J], shape (n,)."""
+    if not does_work(reference.mechanism):
+        return reference.total_energy
+    return reference.total_energy - reference_work(solution, reference.t)
+
+
+def reference_work(solution: Solution, t: FloatArray) -> FloatArray:
+    """W from the start to ascending times t [s] of the solution [J], shape (n,)."""
+    forces, work, done = AppliedForces(solution.equations.kinematics), np.zeros(len(t)), 0.0
+    for segment in solution.segments:
+        nodes = segment.interpolant.ts
+        nodes = np.append(nodes[nodes < segment.end], segment.end)
+        sums = np.concatenate([[0.0], np.cumsum(_gauss(forces, segment, nodes[:-1], nodes[1:]))])
+        inside = (t >= segment.start) & ((t < segment.end) | (segment is solution.segments[-1]))
+        steps = np.clip(np.searchsorted(nodes, t[inside], side="right") - 1, 0, len(nodes) - 2)
+        work[inside] = done + sums[steps] + _gauss(forces, segment, nodes[steps], t[inside])
+        done += float(sums[-1])
+    return work
+
+
+def _gauss(forces: AppliedForces, segment: Segment, starts: FloatArray, ends: FloatArray) -> FloatArray:
+    """Work from each start to its end [J], both within one step of the integrator."""
+    if not len(starts):
+        return starts
+    half = 0.5 * (ends - starts)
+    times = (0.5 * (ends + starts))[:, None] + half[:, None] * _NODES
+    y = np.asarray(segment.interpolant(times.ravel())).T
+    n = y.shape[1] // 2
+    power = forces.power(y[:, :n], y[:, n:]).reshape(times.shape)
+    return np.asarray(half * (power @ _WEIGHTS), dtype=np.float64)
+
+
+def _integrated(t: FloatArray, power: FloatArray, impacts: list[float]) -> tuple[FloatArray, FloatArray]:
+    """Integral from the first sample to each, and its error, non-decreasing; shape (n,)."""
+    work, error = np.zeros(len(t)), np.zeros(len(t))
+    for first, last in _smooth(t, impacts):
+        if first:
+            work[first], error[first] = _across(t, power, first, impacts)
+            work[first] += work[first - 1]
+            error[first] += error[first - 1]
+        here = slice(first, last)
+        sums, differences = _simpson(t[here], power[here])
+        work[here] = work[first] + sums
+        error[here] = error[first] + differences
+    return work, error
+
+
+def _smooth(t: FloatArray, impacts: list[float]) -> Iterator[tuple[int, int]]:
+    """First sample and the one after the last of each piece without impact."""
+    bounds = [0, *np.searchsorted(t, impacts).tolist(), len(t)]
+    yield from ((first, last) for first, last in pairwise(bounds) if last > first)
+
+
+def _across(t: FloatArray, power: FloatArray, after: int, impacts: list[float]) -> tuple[float, float]:
+    """Work from the last sample before an impact to the next one, the power of each side held; and its error."""
+    before, step = after - 1, float(t[after] - t[after - 1])
+    times = [time for time in impacts if t[before] < time <= t[after]]
+    value = power[before] * (times[0] - t[before]) + power[after] * (t[after] - times[0])
+    slopes = abs(power[before] - power[max(before - 1, 0)]) + abs(power[after] - power[min(after + 1, len(t) - 1)])
+    several = abs(power[after] - power[before]) if len(times) > 1 else 0.0
+    return float(value), step * float(slopes + several)
+
+
+def _simpson(t: FloatArray, power: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Integral over the samples of one piece, and the difference to that over every second one."""
+    trapezoids = np.asarray(cumulative_trapezoid(power, t, initial=0), dtype=np.float64)
+    if len(t) < 3:
+        return trapezoids, np.abs(np.diff(power, prepend=power[:1]) * np.diff(t, prepend=t[:1]))
+    fine = np.asarray(cumulative_simpson(power, x=t, initial=0.0), dtype=np.float64)
+    if len(t) < 5:
+        return fine, np.maximum.accumulate(np.abs(fine - trapezoids))
+    coarse = np.asarray(cumulative_simpson(power[::2], x=t[::2], initial=0.0), dtype=np.float64)
+    return fine, np.interp(t, t[::2], np.maximum.accumulate(np.abs(coarse - fine[::2])))
