@@ -62,6 +62,8 @@ def active_contacts(equations: Equations, q: FloatArray, u: FloatArray, touching
         q, u: one state, shape (n_q,).
         touching: stops whose gap and gap speed are zero.
     """
+    if not touching:
+        return ()
     torques = equations.solve(q, u, touching)[1][equations.n_loops :]
     if np.all(torques >= 0):
         return tuple(touching)

@@ -221,11 +221,9 @@ class Equations:
         """Number of independent constraints in one position, shape (n_q,)."""
         return self._scales(closed).rank(self.constraint_jacobian(q, closed))
 
-    def is_singular(self, q: FloatArray, closed: Sequence[str]) -> bool:
-        """Whether fewer constraints are independent in one position (n_q,) than in those before it."""
-        if not self.n_loops:  # stops alone are as independent as they were: those on angles do not change
-            return False
-        return self.rank(q, closed) < self._ranks.get(tuple(closed), 0)
+    def note_rank(self, closed: Sequence[str], rank: int) -> None:
+        """Note how many constraints are independent beside a position in which they lose rank."""
+        self._ranks[tuple(closed)] = rank
 
     def rank_at_start(self, closed: Sequence[str]) -> int:
         """Number of independent constraints of the loops, and of closed stops taken as independent."""

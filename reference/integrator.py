@@ -80,6 +80,7 @@ class Integrator(DOP853):
         limit: StepLimit | None = None,
         longest: float = np.inf,
     ) -> None:
+        self._rates = rates
         self.limit = limit or StepLimit(len(y), end)
         with numerical(f"at t = {start:.6g} s"):
             super().__init__(cast("Any", rates), start, y, end, max_step=longest, rtol=tolerance[0], atol=tolerance[1])
@@ -97,6 +98,21 @@ class Integrator(DOP853):
         if message is not None:
             raise SimulationError(f"the reference's integrator stopped at t = {self.t:.6g} s: {message.rstrip('.')}.")
         self.limit.count(self.t)
+
+    def go_on(self, t: float, y: FloatArray) -> None:
+        """Go on from a later state, to which another method has moved the mechanism.
+
+        Args:
+            t: time of the state [s].
+            y: the state, shape (n,).
+        """
+        evaluations = self.nfev
+        super().__init__(
+            cast("Any", self._rates), t, y, self.t_bound, max_step=self.max_step, rtol=self.rtol, atol=self.atol
+        )
+        self.nfev += evaluations
+        if t >= self.t_bound:
+            self.status = "finished"
 
 
 @contextmanager

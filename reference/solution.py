@@ -19,6 +19,7 @@ from ..models.trajectory import PointMotion, Provenance, Trajectory
 from .equations import Equations
 from .integrator import numerical, refuse_infinite
 from .reactions import joint_reactions, undetermined_forces
+from .singular import Window
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,8 @@ class Segment:
     start: float
     end: float
     interpolant: OdeSolution
+    windows: tuple[Window, ...] = ()
+    """Across singular positions; the interpolant holds their motion, too."""
 
 
 @dataclass(frozen=True)

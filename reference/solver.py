@@ -12,6 +12,7 @@ import math
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.integrate import DenseOutput, OdeSolution
@@ -19,17 +20,20 @@ from scipy.optimize import brentq
 
 from ..models.arrays import FloatArray
 from ..models.errors import InputError, SimulationError
+from ..models.kinematics import initial_state
 from ..models.mechanism import Mechanism
 from ..models.problem import LONGEST, Problem, StopLaw
 from .contact import ActiveSet, EventFunction, PostEventState
 from .equations import Equations
 from .integrator import Integrator, StepLimit, numerical
+from .singular import Watch, Window, note_singular_start
 from .solution import Segment, Solution
 
 _MAX_EVENTS = 10_000
 _LAUNCH_SPANS = (2.0, 5.5)  # characteristic times; Table I launches at 1.5
 
 _PROBES = np.linspace(0.0, 1.0, 6)  # where inside a step the functions are sampled
+_PARTS = 8  # of a window across a singular position, each sampled as a step
 _SAME_TIME = 1e-13  # [s] events closer than this are one instant
 _ROUNDING = 1e-12  # [rad] a gap this little below zero has just been at zero
 
@@ -118,6 +122,7 @@ class _Integration:
 
     def run(self) -> Solution:
         started = time.perf_counter()
+        note_singular_start(self.equations, *initial_state(self.problem.mechanism))
         initial = self.active_set.begin()
         segments: list[Segment] = []
         n_events = 0
@@ -188,22 +193,57 @@ def integrate_segment(
     def rates(_: float, y: FloatArray) -> FloatArray:
         return np.concatenate([y[n_q:], equations.solve(y[:n_q], y[n_q:], closed)[0]])
 
-    stepper = Integrator(rates, start, y, end, tolerance, limit)
-    times, pieces, events = [start], list[DenseOutput](), list[Event]()
-    while stepper.status == "running" and not events:
+    watch, path = Watch(equations, closed, y[:n_q]), _Path(locate, start, end)
+    if (window := watch.begin(start, y[:n_q], y[n_q:])) is not None:
+        y = np.concatenate(watch.projected(*path.cross(window)))
+    stepper = Integrator(rates, path.times[-1], y, end, tolerance, limit)
+    while path.times[-1] < end and not path.events:
         stepper.step()
-        if equations.is_singular(stepper.y[:n_q], closed):
-            raise SimulationError(
-                f"the reference gave up at t = {stepper.t:.6g} s in a singular position: constraints that were "
-                "independent depend on each other there, and do not tell how the mechanism moves on."
-            )
-        pieces.append(stepper.dense_output())
-        events = locate(pieces[-1], times[-1], stepper.t)
-        times.append(events[0].t if events else stepper.t)
-    if len(pieces) > 1 and times[-1] <= times[-2]:  # the event fell on the step's very start
-        times.pop()
-        pieces.pop()
-    return Segment(closed, start, times[-1], OdeSolution(np.array(times), pieces)), events, stepper
+        dense = stepper.dense_output()
+        window = watch.window(dense, path.times[-1], stepper.t)
+        path.add(dense, stepper.t if window is None else window.start)
+        if window is not None and not path.events:
+            q, u = watch.projected(*path.cross(window))
+            stepper.go_on(path.times[-1], np.concatenate([q, u]))
+    return path.segment(closed), path.events, stepper
+
+
+class _Path:
+    """The pieces of one segment's motion, to its first events."""
+
+    def __init__(self, locate: Callable[[DenseOutput, float, float], list[Event]], start: float, end: float) -> None:
+        self.times, self.events = [start], list[Event]()
+        self._locate, self._end = locate, end
+        self._pieces, self._windows = list[DenseOutput](), list[Window]()
+
+    def add(self, piece: DenseOutput, end: float, parts: int = 1) -> None:
+        """Go on by a piece, to `end` [s] or its first events, which are looked for part by part."""
+        start = self.times[-1]
+        if end <= start:
+            return
+        for t0, t1 in pairwise(np.linspace(start, end, parts + 1).tolist()):
+            self.events = self._locate(piece, t0, t1)
+            if self.events:
+                end = self.events[0].t
+                break
+        self.times.append(end)
+        self._pieces.append(piece)
+
+    def cross(self, window: Window) -> FloatArray:
+        """Go on across a singular position; the coordinates and the speeds behind it, shape (2, n_q)."""
+        piece = window.dense_output()
+        self.add(piece, min(window.end, self._end), _PARTS)
+        window.refuse_releases([event.t for event in self.events if not event.function.closes])
+        self._windows.append(window.until(self.times[-1]))
+        return np.asarray(piece(self.times[-1])).reshape(2, -1)
+
+    def segment(self, closed: tuple[str, ...]) -> Segment:
+        """The segment up to here."""
+        if len(self._pieces) > 1 and self.times[-1] <= self.times[-2]:  # the event fell on the step's very start
+            self.times.pop()
+            self._pieces.pop()
+        interpolant = OdeSolution(np.array(self.times), self._pieces)
+        return Segment(closed, self.times[0], self.times[-1], interpolant, tuple(self._windows))
 
 
 @dataclass(frozen=True)

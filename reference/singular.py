@@ -1,0 +1,366 @@
+r"""Motion through singular positions, in which loop constraints that are independent beside them lose rank.
+
+In such a position (a parallelogram with all its pins on one line) branches of the configuration space meet, the
+equations of motion read 0/0, and rounding decides on which branch an integrator leaves. The motion itself is smooth
+where its speed tells the branch: if the vanishing singular values of the constraint Jacobian change sign along it, no
+other branch has its tangent (Golubitsky and Guillemin, Stable Mappings and Their Singularities, 1973, on transversal
+crossings). A singular value that only touches zero tells of branches that touch, or of a mechanism at rest.
+
+Across such a position the motion is taken as one polynomial over a short window that fulfils the equations of motion
+at Gauss's points, which lie beside the position (:mod:`.collocation`). Whatever leaves the branch has a pole in the
+window and is near no polynomial: then polynomials of different degrees differ, or the loops do not close between the
+points. Their difference tells how far the passage is known. Multipliers have simple poles there in general: see
+:meth:`Window.multipliers`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.integrate import DenseOutput
+
+from ..models.arrays import FloatArray
+from ..models.errors import SimulationError
+from .collocation import Given, Polynomial, collocated, gauss
+from .dependence import least_step, scales_of
+from .equations import Equations
+
+_NEAR = 0.15  # singular value below which a window is tried; of a crank and a coupler alike, about their angle [rad]
+_CLOSE = 0.05  # a window is kept if it comes this close, though it turns before: rounding grows as 1/square of that
+_DEGREES = (10, 14, 18, 24, 32)  # numbers of Gauss's points
+_FIRST = 8  # of the points with which the window is placed
+_AGREE = 3e-13  # of the largest arm: two polynomials this near each other need no higher degree
+_WORST = 1e-9  # of the largest arm: beyond this the passage is not known
+_VANISHES = 1e-7  # a singular value this small at its minimum is zero within what the coordinates are known to
+_CLOSES = 5e-14  # of the largest arm: how well loops that have a singular position close between the points
+_DRIFT = 3e-12  # of the largest arm: loops that close no better are integrated as ones without a singular position
+_SAMPLES = 200  # of a window, in search of singular positions
+_BESIDE = 1e-3  # of a window's half: where it is tested whether a singular value changes sign
+_ITERATIONS = 20
+_PLACINGS = 8
+_POLE = 1e-5  # of a window's half
+_EPSILON = 4 * float(np.finfo(np.float64).eps)
+_PROBES = np.linspace(0.0, 1.0, 5)  # of a step
+_POSITIONS = 32  # random ones, for the largest arms
+
+
+@dataclass(frozen=True)
+class SingularPassage:
+    """A singular position that the motion went through on its smooth branch."""
+
+    time: float
+    """[s]"""
+    time_uncertainty: float
+    """[s]"""
+    uncertainty: float
+    """By which the coordinates behind it differ between two polynomials [rad, m of the largest arm's part]."""
+    lost: int
+    """How many of the independent constraints depend on the others there."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """The motion from beside a singular position to beside it again, and the passages in it."""
+
+    start: float
+    end: float
+    passages: tuple[SingularPassage, ...]
+    motion: Polynomial
+    forces: FloatArray
+    """Legendre series of the multipliers, times the distances from all poles in halves of the window."""
+    poles: FloatArray
+    """Times of all passages, also of those after `end` [s]."""
+
+    def until(self, end: float) -> Window:
+        """The part up to `end` [s]."""
+        return replace(self, end=end, passages=tuple(passage for passage in self.passages if passage.time <= end))
+
+    def dense_output(self) -> DenseOutput:
+        """As that of an integrator's step."""
+        return _WindowOutput(self)
+
+    def refuse_releases(self, times: Sequence[float]) -> None:
+        """Refuse releases at which a stop's torque passes a pole instead of zero.
+
+        Raises:
+            SimulationError: one of the times [s] is that of a passage.
+        """
+        for t in times:
+            if np.any(np.abs(self.poles - t) < _BESIDE * self.motion.half):
+                raise SimulationError(
+                    f"the reference gave up at t = {t:.6g} s: a stop opens in a singular position, in which its "
+                    "torque grows beyond all bounds."
+                )
+
+    def accelerations(self, t: FloatArray) -> FloatArray:
+        """Of the branch at times t [s], shape (n, n_q)."""
+        return self.motion.values(self.motion.a, t)
+
+    def multipliers(self, t: FloatArray) -> FloatArray:
+        """Shape (n, n_constraints); as 1/(t - time) beside a passage unless the branch needs no such force.
+
+        Within a hundred-thousandth of the window the mean of both sides is given: the finite part.
+        """
+        near = _POLE * self.motion.half
+        of = np.argmin(np.abs(t[:, None] - self.poles), axis=1) if len(self.poles) else np.zeros(len(t), dtype=int)
+        pole = self.poles[of] if len(self.poles) else np.full(len(t), np.inf)
+        inside = np.abs(t - pole) < near
+        sides = [np.where(inside, pole + side * near, t) for side in (-1.0, 1.0)]
+        return 0.5 * np.sum([self.motion.values(self.forces, at) / self._distances(at) for at in sides], axis=0)
+
+    def _distances(self, t: FloatArray) -> FloatArray:
+        return np.prod((t[:, None] - self.poles) / self.motion.half, axis=1)[:, None]
+
+
+class _WindowOutput(DenseOutput):
+    def __init__(self, window: Window) -> None:
+        super().__init__(window.start, window.end)
+        self._motion = window.motion
+
+    def _call_impl(self, t: FloatArray) -> FloatArray:
+        m = self._motion
+        return np.concatenate([m.values(m.q, t), m.values(m.u, t)], axis=-1).T
+
+
+class Watch:
+    """Watches one segment's constraints for a loss of rank, and finds the motion across it."""
+
+    def __init__(self, equations: Equations, closed: Sequence[str], q: FloatArray) -> None:
+        self.equations, self.closed, self.n_q = equations, tuple(closed), len(q)
+        self.level = _NEAR if equations.n_loops else 0.0
+        if equations.n_loops:
+            basis = equations.basis(q, closed)
+            self.rank = equations.n_loops + len(closed) if basis is None else basis.rows.shape[-2]
+            positions = q + np.random.default_rng(1).uniform(-np.pi, np.pi, (_POSITIONS, len(q)))
+            arms = np.abs(equations.constraint_jacobian(positions, closed)).max(axis=0)
+            self.arms = arms.max(axis=0)
+            self.reach = float(self.arms.max(initial=0.0)) or 1.0
+            self.scales = scales_of(np.sum(arms**2, axis=0), arms)
+
+    def window(self, dense: DenseOutput, start: float, end: float) -> Window | None:
+        """The motion across a singular position which a step comes near, from some time in the step on.
+
+        Args:
+            dense: output of the step from `start` to `end` [s].
+
+        Raises:
+            SimulationError: the speed does not tell the branch.
+        """
+        if not self.level:
+            return None
+        times = start + _PROBES * (end - start)
+        states = np.asarray(dense(times)).T
+        values = self._values(states[:, : self.n_q])[:, -1]
+        near = np.flatnonzero(values < self.level)
+        if not len(near):
+            self.level = _NEAR if values[-1] > _NEAR else self.level
+            return None
+        k = max(int(near[0]) - 1, 0)
+        window = self._across(Given(float(times[k]), *self.projected(*np.split(states[k], 2))))
+        if window is None:
+            self.level = 0.5 * float(values.min())
+            if self.level < _VANISHES:
+                raise SimulationError(
+                    f"the reference gave up at t = {times[k]:.6g} s near a singular position: no smooth motion "
+                    "through it was found."
+                )
+        return window
+
+    def begin(self, start: float, q: FloatArray, u: FloatArray) -> Window | None:
+        """The motion out of a singular position in which a segment starts; None if it starts in another.
+
+        Raises:
+            SimulationError: the speed does not tell the branch.
+        """
+        if not self.level or self._least(q) > _VANISHES:
+            return None
+        if u.any():
+            step = 1e-3 / float(np.abs(u).max())
+            half = _NEAR * step / max(self._least(q + u * step), 1e-6)
+            given, motion = Given(start, q, u), None
+            for part in (0.25, 0.5, 1.0):
+                motion = self._collocated(given, start - part * half, part * half, _FIRST, motion)
+                if motion is None:
+                    break
+            window = None if motion is None else self._refined(motion, given)
+            if window is not None and window.passages:
+                passages = tuple(passage for passage in window.passages if passage.time > start - half * _BESIDE)
+                return replace(window, start=start, passages=passages)
+        raise SimulationError(
+            f"the reference cannot start at t = {start:.6g} s in a singular position, in which constraints that are "
+            "independent beside it depend on each other, at rest or with a speed that tells no branch of its motion."
+        )
+
+    def projected(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The nearest coordinates and speeds that fulfil the constraints."""
+        for _ in range(3):
+            q = q - least_step(self.equations.constraint_jacobian(q, self.closed), self._residual(q), self.rank)
+        jacobian = self.equations.constraint_jacobian(q, self.closed)
+        return q, u - least_step(jacobian, jacobian @ u, self.rank)
+
+    def _values(self, q: FloatArray) -> FloatArray:
+        """Singular values of the independent constraints, without units, the least last; shape (..., rank)."""
+        return np.linalg.svd(self._scaled(q), compute_uv=False)[..., : self.rank]
+
+    def _scaled(self, q: FloatArray) -> FloatArray:
+        """The constraints' Jacobian without units, shape (..., n_constraints, n_q)."""
+        jacobian = self.equations.constraint_jacobian(q, self.closed)
+        return self.scales.rows[:, None] * jacobian * self.scales.columns
+
+    def _least(self, q: FloatArray) -> float:
+        return float(self._values(q)[-1])
+
+    def _residual(self, q: FloatArray) -> FloatArray:
+        gaps = [self.equations.kinematics.gap(name, q)[..., None] for name in self.closed]
+        return np.concatenate([self.equations.loop_residual(q), *gaps], axis=-1)
+
+    def _across(self, given: Given) -> Window | None:
+        half = self._nearest_ahead(given)
+        placed = None if half is None else self._placed(given, half)
+        return None if placed is None else self._refined(placed, given)
+
+    def _nearest_ahead(self, given: Given) -> float | None:
+        """How long until the motion is nearest to a singular position, by its speeds and accelerations [s]."""
+        q, u, a = given.q, given.u, self._accelerations(given.q, given.u)
+        value, step = self._least(q), 1e-4 / max(float(np.abs(u).max()), 1e-300)
+        rate = (self._least(q + u * step) - value) / step
+        if rate >= 0:
+            return None
+        t = np.linspace(0.0, -3 * value / rate, 61)
+        ahead = self._values(q + u * t[:, None] + 0.5 * a * t[:, None] ** 2)[:, -1]
+        k = int(np.argmax(np.diff(ahead) > 0))
+        return float(t[k]) if k > 0 else None
+
+    def _placed(self, given: Given, half: float) -> Polynomial | None:
+        """A first polynomial on a window in whose middle the motion is nearest to the singular position."""
+        before = None
+        for _ in range(_PLACINGS):
+            motion = self._collocated(given, given.time, half, _FIRST, before)
+            if motion is None:
+                return None
+            ahead = half * np.linspace(0.0, 2.5, 101)
+            values = self._values(motion.values(motion.q, given.time + ahead))[:, -1]
+            k = int(np.argmax(np.diff(values) > 0))
+            if k == 0:
+                return None
+            if abs(ahead[k] - half) < 0.05 * half:
+                return motion
+            half, before = float(ahead[k]), motion
+        return None
+
+    def _refined(self, placed: Polynomial, given: Given) -> Window | None:
+        """The window with as many points as it needs, if there is a smooth motion in it."""
+        motion, difference = placed, np.inf
+        t = placed.start + placed.half * np.linspace(0.0, 2.0, _SAMPLES + 1)
+        for n in _DEGREES:
+            before, motion = motion, self._collocated(given, placed.start, placed.half, n, motion)
+            if motion is None:
+                return None
+            difference = float((np.abs(motion.values(motion.q, t) - before.values(before.q, t)) * self.arms).max())
+            difference /= self.reach
+            if difference <= _AGREE:
+                break
+        passages = tuple(self._passages(motion, difference, t)) if difference <= _WORST else ()
+        if not self._is_branch(motion, passages, difference, t):
+            return None
+        poles = np.array([passage.time for passage in passages])
+        return Window(float(t[0]), float(t[-1]), passages, motion, self._forces(motion, poles), poles)
+
+    def _is_branch(
+        self, motion: Polynomial, passages: Sequence[SingularPassage], difference: float, t: FloatArray
+    ) -> bool:
+        """Whether a polynomial closes the loops between its points, too, and is worth more than an integrator's steps.
+
+        Raises:
+            SimulationError: it does so within the drift of an integration, but not within rounding.
+        """
+        open_by = float(np.abs(self._residual(motion.values(motion.q, t))).max()) / self.reach
+        if not passages:
+            values = self._values(motion.values(motion.q, t))[:, -1]
+            return bool(open_by < _CLOSES and difference <= _AGREE and values.min() < _CLOSE < values[0])
+        if _CLOSES < open_by < _DRIFT:
+            raise SimulationError(
+                f"the reference gave up at t = {passages[0].time:.6g} s near a singular position: the loops fail to "
+                f"have one there by {open_by:.1g} of their size, so that rounding decides on the branch; lengths that "
+                "are meant to be equal need all their digits."
+            )
+        return open_by < _CLOSES
+
+    def _passages(self, motion: Polynomial, difference: float, t: FloatArray) -> Iterator[SingularPassage]:
+        """Where singular values vanish, each of them changing its sign."""
+        for bracket in (fine for rough in self._minima(motion, t) for fine in self._minima(motion, rough)):
+            time, value, rate = self._zero(motion, bracket)
+            if value > _VANISHES:
+                continue
+            vanishing = self._values(motion.values(motion.q, np.array(time))) < 10 * _VANISHES
+            self._refuse_touching(motion, time, vanishing)
+            uncertain = (difference + _EPSILON) / abs(rate) + _EPSILON * abs(time)
+            yield SingularPassage(time, uncertain, difference, int(vanishing.sum()))
+
+    def _minima(self, motion: Polynomial, t: FloatArray) -> Iterator[FloatArray]:
+        """Times around each local minimum of the least singular value at times t [s]: `_SAMPLES` of them."""
+        values = self._values(motion.values(motion.q, t))[:, -1]
+        for i in np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] < values[2:])) + 1:
+            yield np.linspace(t[i - 1], t[i + 1], _SAMPLES)
+
+    def _zero(self, motion: Polynomial, t: FloatArray) -> tuple[float, float, float]:
+        """Newton's iteration for a zero of the least singular value in t [s]; its value there, and its rate [1/s]."""
+        time, step, rate, value = float(t[len(t) // 2]), 0.1 * float(t[-1] - t[0]), 0.0, np.inf
+        for _ in range(_ITERATIONS):
+            before, here, after = self._scaled(motion.values(motion.q, time + step * np.array([-1.0, 0.0, 1.0])))
+            left, values, right = np.linalg.svd(here)
+            value = float(values[self.rank - 1])
+            rate = float(left[:, self.rank - 1] @ (after - before) @ right[self.rank - 1]) / (2 * step)
+            newton = time - value / rate if rate else time
+            if abs(newton - time) <= _EPSILON * abs(time):
+                break
+            time = float(np.clip(newton, t[0], t[-1]))
+        return time, value, rate
+
+    def _refuse_touching(self, motion: Polynomial, time: float, vanishing: FloatArray) -> None:
+        """Refuse a position in which a vanishing singular value does not change its sign.
+
+        Raises:
+            SimulationError: it doubles less than twice with the distance.
+        """
+        beside = time + _BESIDE * motion.half * np.array([-2.0, -1.0, 1.0, 2.0])
+        values = self._values(motion.values(motion.q, beside))[:, vanishing]
+        if np.all(values[[0, 3]].sum(axis=0) < 3 * values[[1, 2]].sum(axis=0)):
+            return
+        raise SimulationError(
+            f"the reference gave up at t = {time:.6g} s in a singular position: constraints that are independent "
+            "beside it depend on each other there, and the mechanism comes to it at rest or where branches of its "
+            "motion touch, so its speed does not tell how it moves on."
+        )
+
+    def _collocated(
+        self, given: Given, start: float, half: float, n: int, guess: Polynomial | None
+    ) -> Polynomial | None:
+        return collocated(self._accelerations, given, (start, half), n, guess, self.arms / self.reach)
+
+    def _accelerations(self, q: FloatArray, u: FloatArray) -> FloatArray:
+        return self.equations.solve(q, u, self.closed)[0]
+
+    def _forces(self, motion: Polynomial, poles: FloatArray) -> FloatArray:
+        """Legendre series of :attr:`Window.forces`, through Gauss's points."""
+        x, to_series, _, _ = gauss(len(motion.a), -1.0)
+        t = motion.start + motion.half * (x + 1)
+        forces = self.equations.solve(motion.values(motion.q, t), motion.values(motion.u, t), self.closed)[1]
+        return to_series @ (forces * np.prod((t[:, None] - poles) / motion.half, axis=1)[:, None])
+
+
+def note_singular_start(equations: Equations, q: FloatArray, u: FloatArray) -> None:
+    """Let a motion start in a singular position if it has speeds: they may tell the branch (:meth:`Watch.begin`)."""
+    if not equations.n_loops or not u.any() or equations.rank(q, ()) == equations.n_loops:
+        return
+    beside = q + 1e-2 * u / np.abs(u).max()
+    for rank in range(equations.n_loops, equations.rank(q, ()), -1):
+        place = beside
+        for _ in range(_ITERATIONS):
+            place = place - least_step(equations.constraint_jacobian(place, ()), equations.loop_residual(place), rank)
+        near = np.abs(place - beside).max() < 1e-2 and np.abs(equations.loop_residual(place)).max() < 1e-12
+        if near and equations.rank(place, ()) == rank:
+            equations.note_rank((), rank)
+            return
