@@ -45,7 +45,8 @@ class Polynomial:
 
     def values(self, series: FloatArray, t: FloatArray) -> FloatArray:
         """A series at times t [s]: shape (*t.shape, ...)."""
-        return np.moveaxis(legendre.legval((np.asarray(t) - self.start) / self.half - 1.0, series), 0, -1)
+        values = legendre.legval((np.asarray(t) - self.start) / self.half - 1.0, series)
+        return np.asarray(np.moveaxis(values, 0, -1), dtype=np.float64)
 
 
 def collocated(
@@ -100,9 +101,9 @@ def _first(accelerations: Accelerations, given: Given, base: float, n: int) -> F
 
 def _integrated(given: Given, window: tuple[float, float], series: FloatArray, base: float) -> Polynomial:
     start, half = window
-    u = half * legendre.legint(series, lbnd=base)
+    u = np.asarray(half * legendre.legint(series, lbnd=base), dtype=np.float64)
     u[0] += given.u
-    q = half * legendre.legint(u, lbnd=base)
+    q = np.asarray(half * legendre.legint(u, lbnd=base), dtype=np.float64)
     q[0] += given.q
     return Polynomial(start, half, q, u, series)
 
@@ -125,7 +126,9 @@ def _newton(
 @lru_cache(16)
 def gauss(n: int, base: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Gauss's n points, what makes Legendre series of values there, and their integrals from `base`, once and twice."""
-    x, weights = legendre.leggauss(n)
+    points, weights = legendre.leggauss(n)
+    x = np.asarray(points, dtype=np.float64)
     to_series = (np.arange(n) + 0.5)[:, None] * legendre.legvander(x, n - 1).T * weights
-    once, twice = (legendre.legval(x, legendre.legint(to_series, m, lbnd=base)).T for m in (1, 2))
+    integrals = (legendre.legval(x, legendre.legint(to_series, m, lbnd=base)).T for m in (1, 2))
+    once, twice = (np.asarray(values, dtype=np.float64) for values in integrals)
     return x, to_series, once, twice

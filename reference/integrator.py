@@ -80,7 +80,7 @@ class Integrator(DOP853):
         limit: StepLimit | None = None,
         longest: float = np.inf,
     ) -> None:
-        self._rates = rates
+        self._rates, self._tolerance = rates, tolerance
         self.limit = limit or StepLimit(len(y), end)
         with numerical(f"at t = {start:.6g} s"):
             super().__init__(cast("Any", rates), start, y, end, max_step=longest, rtol=tolerance[0], atol=tolerance[1])
@@ -107,9 +107,8 @@ class Integrator(DOP853):
             y: the state, shape (n,).
         """
         evaluations = self.nfev
-        super().__init__(
-            cast("Any", self._rates), t, y, self.t_bound, max_step=self.max_step, rtol=self.rtol, atol=self.atol
-        )
+        rates, (rtol, atol) = cast("Any", self._rates), self._tolerance
+        super().__init__(rates, t, y, self.t_bound, max_step=self.max_step, rtol=rtol, atol=atol)
         self.nfev += evaluations
         if t >= self.t_bound:
             self.status = "finished"

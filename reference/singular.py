@@ -202,7 +202,8 @@ class Watch:
 
     def _values(self, q: FloatArray) -> FloatArray:
         """Singular values of the independent constraints, without units, the least last; shape (..., rank)."""
-        return np.linalg.svd(self._scaled(q), compute_uv=False)[..., : self.rank]
+        values = np.linalg.svd(self._scaled(q), compute_uv=False)
+        return np.asarray(values[..., : self.rank], dtype=np.float64)
 
     def _scaled(self, q: FloatArray) -> FloatArray:
         """The constraints' Jacobian without units, shape (..., n_constraints, n_q)."""
@@ -294,10 +295,10 @@ class Watch:
             time, value, rate = self._zero(motion, bracket)
             if value > _VANISHES:
                 continue
-            vanishing = self._values(motion.values(motion.q, np.array(time))) < 10 * _VANISHES
-            self._refuse_touching(motion, time, vanishing)
+            lost = int((self._values(motion.values(motion.q, np.array(time))) < 10 * _VANISHES).sum())
+            self._refuse_touching(motion, time, lost)
             uncertain = (difference + _EPSILON) / abs(rate) + _EPSILON * abs(time)
-            yield SingularPassage(time, uncertain, difference, int(vanishing.sum()))
+            yield SingularPassage(time, uncertain, difference, lost)
 
     def _minima(self, motion: Polynomial, t: FloatArray) -> Iterator[FloatArray]:
         """Times around each local minimum of the least singular value at times t [s]: `_SAMPLES` of them."""
@@ -319,14 +320,14 @@ class Watch:
             time = float(np.clip(newton, t[0], t[-1]))
         return time, value, rate
 
-    def _refuse_touching(self, motion: Polynomial, time: float, vanishing: FloatArray) -> None:
+    def _refuse_touching(self, motion: Polynomial, time: float, lost: int) -> None:
         """Refuse a position in which a vanishing singular value does not change its sign.
 
         Raises:
             SimulationError: it doubles less than twice with the distance.
         """
         beside = time + _BESIDE * motion.half * np.array([-2.0, -1.0, 1.0, 2.0])
-        values = self._values(motion.values(motion.q, beside))[:, vanishing]
+        values = self._values(motion.values(motion.q, beside))[:, -lost:]
         if np.all(values[[0, 3]].sum(axis=0) < 3 * values[[1, 2]].sum(axis=0)):
             return
         raise SimulationError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -19,7 +19,7 @@ from ..models.trajectory import PointMotion, Provenance, Trajectory
 from .equations import Equations
 from .integrator import numerical, refuse_infinite
 from .reactions import joint_reactions, undetermined_forces
-from .singular import Window
+from .singular import SingularPassage, Window
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,27 @@ class Segment:
     interpolant: OdeSolution
     windows: tuple[Window, ...] = ()
     """Across singular positions; the interpolant holds their motion, too."""
+
+    def forces(
+        self, equations: Equations, t: FloatArray, q: FloatArray, u: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Accelerations and multipliers of the segment's own states, shape (n, n_q), at times t [s].
+
+        Across singular positions, in which the equations of motion are 0/0, they are read from the window.
+        """
+        a, multipliers = np.empty_like(q), np.empty((len(t), equations.n_loops + len(self.closed)))
+        regular = np.ones(len(t), dtype=bool)
+        for window in self.windows:
+            inside = (t >= window.start) & (t <= window.end)
+            a[inside], multipliers[inside] = window.accelerations(t[inside]), window.multipliers(t[inside])
+            regular &= ~inside
+        if regular.any():
+            a[regular], multipliers[regular] = equations.solve(q[regular], u[regular], self.closed)
+        return a, multipliers
+
+
+_Forces = Callable[[Segment, Equations, FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+"""Accelerations and multipliers of states of a segment."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +97,7 @@ class Solution:
         for segment, indices in self._by_segment(t):
             y = np.asarray(segment.interpolant(t[indices])).T
             q[indices], u[indices] = y[:, :n_q], y[:, n_q:]
-        return self.motion_of(t, q, u)
+        return self._motion(t, q, u, Segment.forces)
 
     def _by_segment(self, t: FloatArray) -> Iterator[tuple[Segment, IndexArray]]:
         of = np.searchsorted([segment.end for segment in self.segments[:-1]], t, side="right")
@@ -92,11 +113,14 @@ class Solution:
             t: shape (n,).
             q, u: states, shape (n, n_q).
         """
+        return self._motion(t, q, u, lambda segment, equations, _, q, u: equations.solve(q, u, segment.closed))
+
+    def _motion(self, t: FloatArray, q: FloatArray, u: FloatArray, forces: _Forces) -> Motion:
         a, loops = np.empty_like(q), np.empty((len(t), self.equations.n_loops))
         torques = {stop.name: np.zeros(len(t)) for stop in self.problem.mechanism.stops}
         with numerical("with the forces of its motion"):
             for segment, indices in self._by_segment(t):
-                a[indices], multipliers = self.equations.solve(q[indices], u[indices], segment.closed)
+                a[indices], multipliers = forces(segment, self.equations, t[indices], q[indices], u[indices])
                 loops[indices] = multipliers[:, : self.equations.n_loops]
                 for name, torque in zip(segment.closed, multipliers[:, self.equations.n_loops :].T, strict=True):
                     torques[name][indices] = torque
@@ -114,6 +138,11 @@ class Solution:
             acceleration = kinematics.acceleration(centre, motion.q, motion.u, motion.a)
             needed[body.name] = body.mass * (acceleration - gravity) - applied.get(body.name, 0.0)
         return joint_reactions(kinematics, motion.q, needed, motion.loop_multipliers, motion.stop_torques)
+
+    @property
+    def singular_passages(self) -> tuple[SingularPassage, ...]:
+        """Singular positions that the motion goes through, in order of time; joint forces have poles there."""
+        return tuple(passage for segment in self.segments for window in segment.windows for passage in window.passages)
 
     @property
     def undetermined_joints(self) -> tuple[str, ...]:
