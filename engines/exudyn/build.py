@@ -1,11 +1,16 @@
 """A mechanism as an Exudyn system: redundant coordinates, joints and stops as algebraic constraints.
 
+Items: a pin is a revolute joint; a slot is a prismatic joint that leaves the rotation free, which a prismatic joint
+holds; a weld is a revolute joint and a constraint of two rotations; a free joint is nothing. Stops: see
+:mod:`.constraints`; springs, dampers and constant forces: see :mod:`.forces`.
+
 Every body is a 2D node at its centre of mass, with a rotation that is positive *anticlockwise*: the mechanism's
 angles have the opposite sign. Recorded quantities are the outputs of Exudyn's sensors.
 """
 
 from __future__ import annotations
 
+import cmath
 import importlib
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
@@ -16,14 +21,18 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import UnsupportedProblemError
-from ...models.joints import GROUND, Joint, SlotJoint
+from ...models.force_elements import ConstantForce, ConstantTorque, SpringDamper
+from ...models.joints import GROUND, AnyJoint, WeldJoint
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Marker, Mechanism
 from ...models.problem import StopLaw
 from ...models.spec import Vector
 from ...models.stops import PointStop, Stop
 from ..contact_events import Contacts, refuse_moving_gaps
-from .constraints import AngleLimit, PointContact, SensorKey, Spring, UnilateralConstraint
+from . import forces
+from .constraints import AngleLimit, PointContact, Spring, UnilateralConstraint
+from .lines import RelativePoint, on_joint, on_wall
+from .sensors import SensorKey
 
 exu: Any = importlib.import_module("exudyn")
 items: Any = importlib.import_module("exudyn.itemInterface")
@@ -106,19 +115,27 @@ def build(
         law: of the stops; under the unilateral one those that are open at the start are built, too.
 
     Raises:
-        UnsupportedProblemError: a closed stop's gap changes at the start, or a stop is on a point of the ground.
+        UnsupportedProblemError: a closed stop's gap changes at the start, a stop is on a point of the body that it
+            stands on, or a spring is to stand on a body.
     """
-    _refuse_what_cannot_be_built(mechanism)
+    _refuse_what_cannot_be_built(mechanism, springs or {})
     container = exu.SystemContainer()
     system = System(mechanism, container, container.AddSystem(), springs=springs or {})
     return _Builder(system, law).build()
 
 
-def _refuse_what_cannot_be_built(mechanism: Mechanism) -> None:
+def _refuse_what_cannot_be_built(mechanism: Mechanism, springs: Mapping[str, Spring]) -> None:
     refuse_moving_gaps(mechanism, "exudyn")  # index 2 would hold the gap's speed at zero from the first step: an impact
     for stop in mechanism.point_stops:
-        if stop.body == GROUND:
-            raise UnsupportedProblemError(f"exudyn cannot build {stop.name!r}: a stop on a point of the ground.")
+        if stop.body == stop.relative_to:
+            on = "the ground" if stop.body == GROUND else f"{stop.body!r}, on which its wall stands as well"
+            raise UnsupportedProblemError(f"exudyn cannot build {stop.name!r}: a stop on a point of {on}.")
+        if stop.name in springs and stop.relative_to != GROUND:
+            # Exudyn's linear spring pushes its first marker, not the point of contact: the torque would be wrong.
+            raise UnsupportedProblemError(
+                f"exudyn cannot build {stop.name!r} as a spring: its springs along a line are right for walls of the "
+                f"ground only, and this wall stands on {stop.relative_to!r}; leave stop_stiffness out."
+            )
 
 
 @dataclass(frozen=True)
@@ -133,6 +150,7 @@ class _Builder:
         self.system.nodes[GROUND] = int(self.system.main.AddNode(items.NodePointGround()))
         for joint in self.system.mechanism.joints:
             self._add_joint(joint)
+        self._add_force_elements()
         for stop in self.system.mechanism.stops:
             if self._acts(stop):
                 self._add_stop(stop)
@@ -149,16 +167,17 @@ class _Builder:
     def _add_bodies(self) -> None:
         mechanism, main = self.system.mechanism, self.system.main
         kinematics, (q, u) = Kinematics(mechanism), initial_state(mechanism)
-        for i, body in enumerate(mechanism.bodies):
-            row = kinematics.point(body.name, body.centre)
+        weight = [*mechanism.gravity_vector, 0.0]
+        for body in mechanism.bodies:
+            row, angle = kinematics.point(body.name, body.centre), kinematics.angle(body.name)
             at, speed = kinematics.position(row, q), kinematics.velocity(row, q, u)
+            turn, spin = -float(angle.value(q)), -float(angle.coefficients @ u)
             node = main.AddNode(
                 items.NodeRigidBody2D(
-                    referenceCoordinates=[*at.tolist(), -float(q[i])], initialVelocities=[*speed.tolist(), -float(u[i])]
+                    referenceCoordinates=[*at.tolist(), turn], initialVelocities=[*speed.tolist(), spin]
                 )
             )
             number = main.AddObject(items.ObjectRigidBody2D(mass=body.mass, inertia=body.inertia, nodeNumber=node))
-            weight = [0.0, -mechanism.gravity, 0.0]
             on = main.AddMarker(items.MarkerBodyMass(bodyNumber=number))
             main.AddLoad(items.LoadMassProportional(markerNumber=on, loadVector=weight))
             self.system.nodes[body.name], self.system.bodies[body.name] = int(node), int(number)
@@ -187,20 +206,52 @@ class _Builder:
             self.system.main.AddMarker(items.MarkerBodyRigid(bodyNumber=self.system.bodies[body], localPosition=at))
         )
 
-    def _add_joint(self, joint: Joint) -> None:
+    def _observe_relative(self, relative: RelativePoint, *more: str) -> None:
+        quantities = ("Position", "Velocity", *more)
+        for kind, point in ((relative.kind, relative.point), (relative.anchor_kind, relative.anchor)):
+            if point.body != GROUND:
+                self._observe_point(kind, point.name, point, quantities)
+
+    def _add_joint(self, joint: AnyJoint) -> None:
+        if joint.free_directions:
+            self._observe_relative(on_joint(joint))
+        if not joint.held_directions:
+            return
         markers = [self._frame(joint.child, joint.child_point), self._frame(joint.parent, joint.parent_point)]
-        if isinstance(joint, SlotJoint):
+        if joint.free_directions:
             self._add_slot(joint, markers)
             return
         number = int(self.system.main.AddObject(items.ObjectJointRevolute2D(markerNumbers=markers)))
         for quantity in ("Force", "Displacement"):
             self._observe(items.SensorObject, ("joint", joint.name, quantity), objectNumber=number)
+        if isinstance(joint, WeldJoint):  # displacements from the start: its angle is held as it is there
+            rotations = [self._rotation(joint.parent), self._rotation(joint.child)]
+            self.system.main.AddObject(items.ObjectConnectorCoordinate(markerNumbers=rotations))
 
-    def _add_slot(self, joint: SlotJoint, markers: list[int]) -> None:
-        x, y = joint.axis
-        number = int(self.system.main.AddObject(self._line(markers, (-y, x))))
+    def _add_slot(self, joint: AnyJoint, markers: list[int]) -> None:
+        (normal,) = map(complex, joint.held_directions)
+        item = self._line(markers, (normal.real, normal.imag), joint.turned_by)
+        number = int(self.system.main.AddObject(item))
         self._observe(items.SensorObject, ("joint", joint.name, "ForceLocal"), objectNumber=number)
-        self._observe_point("joint", joint.name, Marker(name=joint.name, body=joint.child, point=joint.child_point))
+
+    def _add_force_elements(self) -> None:
+        main, mechanism = self.system.main, self.system.mechanism
+        for element in mechanism.force_elements:
+            if isinstance(element, ConstantForce):
+                main.AddLoad(forces.force(element, self._frame(element.body, element.point)))
+            elif isinstance(element, ConstantTorque):
+                for body, sense in zip(element.bodies, (1, -1), strict=True):
+                    main.AddLoad(forces.torque(element, self._frame(body, (0.0, 0.0)), sense))
+            else:
+                if isinstance(element, SpringDamper):
+                    ends = (element.relative_to, element.relative_point), (element.body, element.point)
+                    item = forces.point_spring(element, [self._frame(*end) for end in ends])
+                else:
+                    rotations = [self._rotation(element.relative_to), self._rotation(element.body)]
+                    item = forces.rotational_spring(element, mechanism, rotations)
+                number = int(main.AddObject(item))
+                key = ("spring", element.name, forces.measure(element))
+                self._observe(items.SensorObject, key, objectNumber=number)
 
     def _add_stop(self, stop: Stop | PointStop) -> None:
         spring = self.system.springs.get(stop.name)
@@ -222,25 +273,31 @@ class _Builder:
         return items.ObjectConnectorCoordinate(markerNumbers=markers, offset=stop.sense * open_by)
 
     def _point_contact(self, stop: PointStop, spring: Spring | None) -> Any:
-        at = Marker(name=stop.name, body=stop.body, point=stop.point)
-        self._observe_point("stop", stop.name, at, ("Position", "Velocity", "Acceleration"))
+        self._observe_relative(on_wall(stop), "Acceleration")
         x, y = stop.normal
         point = self._frame(stop.body, stop.point)
-        line = self._frame(GROUND, (x * stop.offset, y * stop.offset))
+        line = self._frame(stop.relative_to, (x * stop.offset, y * stop.offset))
         if spring:
             fields = _spring_fields(spring, 1, [line, point])
             return items.ObjectConnectorLinearSpringDamper(axisMarker0=[-x, -y, 0.0], **fields)
         return self._line([point, line], (x, y))
 
-    def _line(self, markers: list[int], normal: Vector) -> Any:
-        """A point (marker 0) on a line of the ground (marker 1), by its normal.
+    def _line(self, markers: list[int], normal: Vector, angle: float | None = None) -> Any:
+        """A point (marker 0) on a line of the ground or a body (marker 1), by its normal.
 
-        The normal lives in marker 1's frame, so the ground must be marker 1: the other way round the line silently
-        turns with the body. The force comes in marker 0's frame, which does turn.
+        The normal lives in marker 1's frame, so the line's body must be marker 1: the other way round the line
+        silently turns with the point's body. The force comes in marker 0's frame.
+
+        Args:
+            angle: of marker 0's body less that of the line's, clockwise, if it is held [rad]; None: it turns freely.
         """
         x, y = normal
+        along = complex(y, -x) * cmath.exp(1j * (angle or 0.0))  # the line in the frame of marker 0, at that angle
         return items.ObjectJointPrismatic2D(
-            markerNumbers=markers, axisMarker0=[y, -x, 0.0], normalMarker1=[x, y, 0.0], constrainRotation=False
+            markerNumbers=markers,
+            axisMarker0=[along.real, along.imag, 0.0],
+            normalMarker1=[x, y, 0.0],
+            constrainRotation=angle is not None,
         )
 
     def _rotation(self, body: str) -> int:

@@ -11,16 +11,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ...models.arrays import FloatArray
+from ...models.arrays import ComplexArray, FloatArray
 from ...models.stops import AnyStop, PointStop, Stop
+from .lines import on_wall
+from .sensors import Values, rotation, turned
 
 ROUNDING = 1e-15  # [rad] of the difference of two angles of some radians; [m per m] of a point's position
-
-SensorKey = tuple[str, str, str]
-"""Kind of item (body, marker, joint, stop), its name, the quantity as Exudyn calls it."""
-
-Values = Callable[[SensorKey], FloatArray]
-"""Values of a sensor, shape (n, components): over a table, or one row of the present."""
 
 Output = Callable[[str], Any]
 """An output variable of a connector at the current state, by its name."""
@@ -71,7 +67,7 @@ class AngleLimit:
 
 @dataclass(frozen=True)
 class PointContact:
-    """A stop on a point: a line of the ground that the point is on, without friction."""
+    """A stop on a point: a line of the ground or of another body that the point is on, without friction."""
 
     force_sensor: ClassVar[str] = "ForceLocal"
     sense: ClassVar[int] = 1
@@ -96,8 +92,8 @@ class PointContact:
         return ROUNDING * max(1.0, float(np.abs(values(("stop", self.stop.name, "Position"))).max()))
 
     def _along_normal(self, local: FloatArray, values: Values) -> FloatArray:
-        rotation = values(("body", self.stop.body, "CoordinatesTotal"))[:, 2]
-        return turned(local, rotation) @ np.array(self.stop.normal)
+        angle = rotation(self.stop.body, values) - rotation(self.stop.relative_to, values)
+        return turned(local, angle) @ np.array(self.stop.normal)
 
 
 UnilateralConstraint = AngleLimit | PointContact
@@ -105,30 +101,29 @@ UnilateralConstraint = AngleLimit | PointContact
 
 def gap(stop: AnyStop, values: Values) -> float:
     """Gap of a stop by the bodies' coordinates, of one row of sensors [rad, m]."""
-    return _component(stop, values, "CoordinatesTotal", "Position") - stop.position
+    if isinstance(stop, PointStop):
+        return _along(stop, on_wall(stop).place(values)) - stop.offset
+    return _turn(stop, lambda body: float(rotation(body, values)[0])) - stop.limit
 
 
 def gap_speed(stop: AnyStop, values: Values) -> float:
     """Speed of a stop's gap, of one row of sensors [rad/s, m/s]."""
-    return _component(stop, values, "Coordinates_t", "Velocity")
+    if isinstance(stop, PointStop):
+        return _along(stop, on_wall(stop).speed(values))
+    return _turn(stop, lambda body: float(rotation(body, values, "Coordinates_t")[0]))
 
 
 def gap_acceleration(stop: AnyStop, values: Values, rotations: Mapping[str, float]) -> float:
     """Acceleration of a stop's gap [rad/s^2, m/s^2]; `rotations` are the bodies' rotational accelerations [rad/s^2]."""
-    return stop.component(lambda body: -rotations[body], lambda _body, _local: _point(stop, values, "Acceleration"))
+    if isinstance(stop, PointStop):
+        return _along(stop, on_wall(stop).acceleration(values, rotations.get(stop.relative_to, 0.0)))
+    return _turn(stop, lambda body: rotations.get(body, 0.0))
 
 
-def _component(stop: AnyStop, values: Values, of_body: str, of_point: str) -> float:
-    return stop.component(
-        lambda body: -float(values(("body", body, of_body))[0, 2]), lambda _body, _local: _point(stop, values, of_point)
-    )
+def _along(stop: PointStop, place: ComplexArray) -> float:
+    return stop.normal[0] * float(place[0].real) + stop.normal[1] * float(place[0].imag)
 
 
-def _point(stop: AnyStop, values: Values, quantity: str) -> complex:
-    return complex(*values(("stop", stop.name, quantity))[0, :2])
-
-
-def turned(local: FloatArray, rotation: FloatArray) -> FloatArray:
-    """Vectors of a body's frame in the world's, shape (n, 2); rotations [rad] anticlockwise, shape (n,)."""
-    world = (local[:, 0] + 1j * local[:, 1]) * np.exp(1j * rotation)
-    return np.stack([world.real, world.imag], axis=-1)
+def _turn(stop: Stop, rotation_of: Callable[[str], float]) -> float:
+    """The relative angle that a stop is on, clockwise and in its sense, or a derivative of it."""
+    return -stop.sense * (rotation_of(stop.body) - rotation_of(stop.relative_to))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
+from ...models.features import Feature
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
@@ -35,6 +36,7 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         stop_laws=frozenset(StopLaw),
         formulation="redundant Cartesian coordinates, joints and stops by Lagrange multipliers, implicit integrator; "
         "impacts located inside a step and solved in the metric of its mass matrix",
+        features=frozenset(Feature),
     )
     # Exudyn's own defaults: generalized-alpha on the positions' constraints, modified Newton, adaptive step. Its
     # default step is 0.01 s, its tutorials take 1e-3 s. A newcomer switches a connector off after a step.

@@ -7,20 +7,23 @@ does not enter: were its joints other ones than the mechanism's, they would diff
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
+from ...models.joints import AnyJoint
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism, Slide
 from ..inspection import Dynamics, Inspection, State
 from .build import System, build, exu, silence
 from .constraints import Spring
+from .lines import on_joint
 from .matrices import Matrices, Solved, matrices
 from .options import ExudynOptions
 from .read import Reader
+from .sensors import SensorKey, Values
 from .solver import Solver
 
 
@@ -58,6 +61,7 @@ class _Inspector:
         self.solver = Solver(system, options)
         self.kinematics = Kinematics(system.mechanism)
         self.rows = [self.kinematics.point(body.name, body.centre) for body in system.mechanism.bodies]
+        self.angles = [self.kinematics.angle(body.name) for body in system.mechanism.bodies]
 
     def inspection(self, states: Sequence[State]) -> Inspection:
         """All quantities, in each state."""
@@ -114,28 +118,46 @@ class _Inspector:
         return self.solver.of_bodies(reader.table[0], "CoordinatesTotal")
 
     def _accelerations(self) -> FloatArray:
-        """Of q, by Exudyn's outputs: rotations of nodes, and points on slots; shape (n_q,)."""
-        main, mechanism, variable = self.system.main, self.system.mechanism, exu.OutputVariableType
-        nodes = [self.system.nodes[name] for name in self._names]
-        angles = [-float(main.GetNodeOutput(node, variable.Coordinates_tt)[2]) for node in nodes]
-        return np.array([*angles, *(self._along(slide) for slide in mechanism.slides)])
+        """Of q, by Exudyn's outputs: rotations of nodes, and points in the frames of slots; shape (n_q,)."""
+        main, mechanism = self.system.main, self.system.mechanism
+        rotations = {
+            name: float(main.GetNodeOutput(self.system.nodes[name], exu.OutputVariableType.Coordinates_tt)[2])
+            for name in self._names
+        }
+        angles = [-rotations[body.name] for body in mechanism.bodies if body.angle is not None]
+        return np.array([*angles, *(self._along(slide, rotations) for slide in mechanism.slides)])
 
-    def _along(self, slide: Slide) -> float:
-        joint = slide.joint
-        body, local = self.system.bodies[joint.child], self.system.local(joint.child, joint.child_point)
-        point = self.system.main.GetObjectOutputBody(body, exu.OutputVariableType.Acceleration, local)
-        return float((complex(*np.asarray(point)[:2]) * slide.direction.conjugate()).real)
+    def _along(self, slide: Slide, rotations: Mapping[str, float]) -> float:
+        values, joint = self._with_accelerations(slide.joint), slide.joint
+        place = on_joint(joint).acceleration(values, rotations.get(joint.parent, 0.0))
+        return float((place[0] * slide.direction.conjugate()).real)
+
+    def _with_accelerations(self, joint: AnyJoint) -> Values:
+        """Values of the sensors now, and of the accelerations of a joint's points, which a run has no need of."""
+        relative = on_joint(joint)
+
+        def values(sensor: SensorKey) -> FloatArray:
+            kind, _, quantity = sensor
+            if quantity != "Acceleration":
+                return self.system.now(sensor)
+            point = relative.point if kind == relative.kind else relative.anchor
+            body, local = self.system.bodies[point.body], self.system.local(point.body, point.point)
+            variable = exu.OutputVariableType.Acceleration
+            return np.atleast_2d(self.system.main.GetObjectOutputBody(body, variable, local))
+
+        return values
 
     def _placed(self, q: FloatArray) -> FloatArray:
         """z(q), shape (3 n_bodies,)."""
         centres = [self.kinematics.position(row, q) for row in self.rows]
-        return np.concatenate([[*at, -angle] for at, angle in zip(centres, q, strict=False)])
+        return np.concatenate([[*at, -angle.value(q)] for at, angle in zip(centres, self.angles, strict=True)])
 
     def _jacobian(self, q: FloatArray) -> FloatArray:
         """J = dz/dq, shape (3 n_bodies, n_q)."""
-        turns, rates = -np.eye(len(q)), self.kinematics.rates(q)
-        moved = [rates * row.coefficients for row in self.rows]
-        return np.concatenate([[point.real, point.imag, turns[i]] for i, point in enumerate(moved)])
+        rates = self.kinematics.rates(q)
+        moved = [self.kinematics.gradient(row.coefficients, q, rates) for row in self.rows]
+        turns = [-angle.coefficients for angle in self.angles]
+        return np.concatenate([[point.real, point.imag, turn] for point, turn in zip(moved, turns, strict=True)])
 
     def _curvature(self, state: State) -> FloatArray:
         """dJ/dt u, shape (3 n_bodies,)."""

@@ -8,13 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.joints import AnyJoint, Joint, SlotJoint
-from ...models.mechanism import Slide
+from ...models.force_elements import RotationalSpringDamper, SpringDamper
+from ...models.joints import AnyJoint
 from ...models.trajectory import PointMotion
 from ..contact_events import ContactEvents
 from ..protocol import Recording
 from .build import System
-from .constraints import SensorKey, turned
+from .forces import spring_energy
+from .lines import on_joint
+from .sensors import SensorKey, rotation, turned
 
 
 def recording(reader: Reader, torques: Mapping[str, FloatArray], events: ContactEvents, steps: int) -> Recording:
@@ -27,6 +29,7 @@ def recording(reader: Reader, torques: Mapping[str, FloatArray], events: Contact
         steps: how many steps the solver took.
     """
     mechanism = reader.system.mechanism
+    holding = [joint for joint in mechanism.joints if joint.held_directions]
     return Recording(
         t=reader.table[:, 0],
         q=reader.coordinates(),
@@ -36,8 +39,8 @@ def recording(reader: Reader, torques: Mapping[str, FloatArray], events: Contact
         potential_energy=reader.potential_energy(),
         stop_torques=torques,
         release_times=events.releases,
-        joint_reactions={joint.name: reader.reaction(joint) for joint in mechanism.joints},
-        joint_gaps={joint.name: reader.gap(joint) for joint in mechanism.joints},
+        joint_reactions={joint.name: reader.reaction(joint) for joint in holding},
+        joint_gaps={joint.name: reader.gap(joint) for joint in holding},
         impacts=tuple(events.impacts),
         steps=steps,
     )
@@ -69,24 +72,32 @@ class Reader:
 
     def coordinates(self) -> FloatArray:
         """q, shape (n, n_q); Exudyn's rotations are anticlockwise."""
-        angles = [-self.scalar("body", body.name, "CoordinatesTotal", 2) for body in self.system.mechanism.bodies]
-        slides = [self._along(slide) for slide in self.system.mechanism.slides]
-        return np.stack([*angles, *slides], axis=-1)
+        slides = [
+            (on_joint(slide.joint).place(self.values) * slide.direction.conjugate()).real
+            for slide in self.system.mechanism.slides
+        ]
+        return np.stack([*self._angles("CoordinatesTotal"), *slides], axis=-1)
 
     def speeds(self) -> FloatArray:
         """u, shape (n, n_q)."""
-        angles = [-self.scalar("body", body.name, "Coordinates_t", 2) for body in self.system.mechanism.bodies]
         slides = [
-            self.plane("joint", slide.joint.name, "Velocity") @ _vector(slide.direction)
+            (on_joint(slide.joint).speed(self.values) * slide.direction.conjugate()).real
             for slide in self.system.mechanism.slides
         ]
-        return np.stack([*angles, *slides], axis=-1)
+        return np.stack([*self._angles("Coordinates_t"), *slides], axis=-1)
+
+    def _angles(self, quantity: str) -> list[FloatArray]:
+        bodies = self.system.mechanism.bodies
+        return [-rotation(body.name, self.values, quantity) for body in bodies if body.angle is not None]
 
     def potential_energy(self) -> FloatArray:
-        """Energy of weight [J], shape (n,); Exudyn's own sensor counts elastic energy only."""
+        """Energy of weight and springs [J], shape (n,); Exudyn's own sensor counts that of elastic bodies only."""
         mechanism = self.system.mechanism
-        heights = [self.scalar("body", body.name, "CoordinatesTotal", 1) for body in mechanism.bodies]
-        return mechanism.gravity * np.array([body.mass for body in mechanism.bodies]) @ np.array(heights)
+        places = np.array([self.plane("body", body.name, "CoordinatesTotal") for body in mechanism.bodies])
+        heights = places @ -np.array(mechanism.gravity_direction)
+        weight = mechanism.gravity * np.array([body.mass for body in mechanism.bodies]) @ heights
+        springs = (e for e in mechanism.force_elements if isinstance(e, SpringDamper | RotationalSpringDamper))
+        return weight + sum(spring_energy(spring, mechanism, self.values) for spring in springs)
 
     def torque(self, stop: str, release: float | None) -> FloatArray:
         """Torque (or force) of a stop [N m, N], shape (n,); from its release on, 0."""
@@ -95,25 +106,15 @@ class Reader:
         torque = self.system.constraints[stop].torque(self.values)
         return torque if release is None else np.where(self.table[:, 0] < release, torque, 0.0)
 
-    def reaction(self, joint: Joint) -> FloatArray:
+    def reaction(self, joint: AnyJoint) -> FloatArray:
         """Force of a joint on its child, world frame [N], shape (n, 2)."""
-        if not isinstance(joint, SlotJoint):
+        if not joint.free_directions:
             return self.plane("joint", joint.name, "Force")
-        rotation = self.scalar("body", joint.child, "CoordinatesTotal", 2)
-        return turned(self.plane("joint", joint.name, "ForceLocal"), rotation)
+        return turned(self.plane("joint", joint.name, "ForceLocal"), rotation(joint.child, self.values))
 
-    def gap(self, joint: Joint) -> FloatArray:
+    def gap(self, joint: AnyJoint) -> FloatArray:
         """Constraint drift: distance of a joint's points, or of the point from the slot's line [m], shape (n,)."""
-        if isinstance(joint, SlotJoint):
-            return np.abs(self._from_slot(joint) @ np.array([-joint.axis[1], joint.axis[0]]))
-        return np.linalg.norm(self.plane("joint", joint.name, "Displacement"), axis=1)
-
-    def _along(self, slide: Slide) -> FloatArray:
-        return self._from_slot(slide.joint) @ _vector(slide.direction)
-
-    def _from_slot(self, joint: AnyJoint) -> FloatArray:
-        return self.plane("joint", joint.name, "Position") - np.array(joint.parent_point)
-
-
-def _vector(direction: complex) -> FloatArray:
-    return np.array([direction.real, direction.imag])
+        if not joint.free_directions:
+            return np.linalg.norm(self.plane("joint", joint.name, "Displacement"), axis=1)
+        (across,) = joint.held_directions
+        return np.abs((on_joint(joint).place(self.values) * complex(across).conjugate()).real)

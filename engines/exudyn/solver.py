@@ -19,8 +19,8 @@ from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ..contact_events import Contacts
 from .build import System, exu
-from .constraints import SensorKey, Values
 from .options import ExudynOptions
+from .sensors import SensorKey, Values
 
 _EVERY_STEP = 1e-12  # [s] the default is 0.01 s; this is below any step
 _SAME_TIME = 1e-9  # of the run's last time

@@ -20,10 +20,11 @@ from ...models.problem import Problem, StopLaw
 from ..contact_events import SAME_TIME, ContactEvents, Contacts, active_contacts, resting
 from ..protocol import Recording
 from .build import build, silence
-from .constraints import Spring, Values, gap, gap_acceleration, gap_speed
+from .constraints import Spring, gap, gap_acceleration, gap_speed
 from .matrices import Matrices, matrices, resolve_impact, solve_constrained
 from .options import ExudynOptions
 from .read import Reader, recording
+from .sensors import Values
 from .solver import Balance, Solver, State
 
 _WHOLE = 1e-6  # of a step: so near to a whole number of steps, it is one
