@@ -21,7 +21,7 @@ report: $(VENV)/installed
 	@test -n "$$CI$$SSH_CONNECTION" || $(OPEN) report/report.html >/dev/null 2>&1 || true
 
 test: $(VENV)/installed
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 quick: $(VENV)/installed
 	$(BIN)/python -m pytest tests/unit tests/verification -m "not slow" -n 2

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import trebucheck as tb
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from trebucheck.cli.app import main
+from trebucheck.comparisons.runs.runner import Worker
 from trebucheck.engines.registry import engine_class, engine_names
 
 # Derandomised: a red run is red again on the next machine. `HYPOTHESIS_PROFILE=search` looks further.
@@ -61,6 +64,35 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
         return captured.err
 
     return run
+
+
+@pytest.fixture(scope="session")
+def _idle_processes() -> Iterator[list[Any]]:
+    """Of commands that have ended."""
+    idle: list[Any] = []
+    yield idle
+    for process in idle:
+        process.shutdown(wait=True, kill_workers=True)
+
+
+@pytest.fixture
+def kept_processes(monkeypatch: pytest.MonkeyPatch, _idle_processes: list[Any]) -> None:
+    """A command's processes go on to the next test: to start one takes longer than most tests."""
+    path, start, close = list(sys.path), Worker._start, Worker.close
+
+    def taken(worker: Worker) -> Any:
+        if not _idle_processes or sys.path != path:  # a plug-in on another path is found by a new process only
+            return start(worker)
+        worker._started.append(_idle_processes.pop())
+        return worker._started[-1]
+
+    def given_back(worker: Worker) -> None:
+        while sys.path == path and worker._started and len(_idle_processes) < 2:
+            _idle_processes.append(worker._started.pop())
+        close(worker)
+
+    monkeypatch.setattr(Worker, "_start", taken)
+    monkeypatch.setattr(Worker, "close", given_back)
 
 
 def machine_parameters() -> st.SearchStrategy[tb.TrebuchetParameters]:

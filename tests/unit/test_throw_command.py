@@ -15,6 +15,8 @@ from trebucheck.reference.throw.flight import Air, Surroundings, fly
 from trebucheck.reference.throw.release import Projectile
 from trebucheck.reference.throw.throw import Throw, throw
 
+pytestmark = pytest.mark.usefixtures("kept_processes")
+
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
