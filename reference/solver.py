@@ -24,6 +24,7 @@ from ..models.kinematics import initial_state
 from ..models.mechanism import Mechanism
 from ..models.problem import LONGEST, Problem, StopLaw
 from .contact import ActiveSet, EventFunction, PostEventState
+from .damping import longest_step
 from .equations import Equations
 from .integrator import Integrator, StepLimit, numerical
 from .singular import Watch, Window, note_singular_start
@@ -196,7 +197,8 @@ def integrate_segment(
     watch, path = Watch(equations, closed, y[:n_q]), _Path(locate, start, end)
     if (window := watch.begin(start, y[:n_q], y[n_q:])) is not None:
         y = np.concatenate(watch.projected(*path.cross(window)))
-    stepper = Integrator(rates, path.times[-1], y, end, tolerance, limit)
+    longest = longest_step(equations, y[:n_q], closed)
+    stepper = Integrator(rates, path.times[-1], y, end, tolerance, limit, longest)
     while path.times[-1] < end and not path.events:
         stepper.step()
         dense = stepper.dense_output()

@@ -8,14 +8,14 @@ from collections.abc import Callable
 import numpy as np
 from pydantic import Field
 
-from ..joints import SlotJoint
+from ..joints import FreeJoint, SlotJoint
 from ..mechanism import Body, Marker, Mechanism
 from ..problem import StopLaw
 from ..spec import Positive, Real, Spec
 from ..stops import PointStop, Stop
 from .benchmark import Benchmark, Figure, Motion
 from .pendulums import pin_links, rods
-from .readings import energy_error
+from .readings import at, energy_error, speed
 
 _ZENO = "B. Brogliato, Nonsmooth Mechanics (3rd ed., 2016), Ch. 1: infinitely many impacts by a finite time"
 
@@ -57,6 +57,32 @@ class StoppedPendulumParameters(Spec):
     opening: Real = Field(default=0.5, gt=0, lt=1.5, description="of each stop from the vertical [rad]")
     swing: Real = Field(default=1.2, gt=0, lt=3, description="start angle of the lower rod from the vertical [rad]")
     restitution: Real = Field(default=0.7, gt=0, le=1, description="of both stops")
+
+
+class FallingRodParameters(Spec):
+    """A uniform rod that falls, slanting and without spin, on a smooth level floor.
+
+    Raises:
+        InputError: a length, mass, height or gravity is not positive and finite, or the slope or the restitution is out
+            of range.
+    """
+
+    length: Positive = Field(default=1.0, description="of the rod [m]")
+    mass: Positive = Field(default=2.0, description="[kg]")
+    height: Positive = Field(default=0.5, description="of the lower end above the floor [m]")
+    slope: Real = Field(default=0.6, gt=0, lt=1.5, description="of the rod, downwards to the right [rad]")
+    restitution: Real = Field(default=0.5, ge=0, le=1, description="of both ends")
+    g: Positive = Field(default=9.81, description="gravity [m/s^2]")
+
+    @property
+    def speed(self) -> float:
+        """At the first impact [m/s]."""
+        return math.sqrt(2 * self.g * self.height)
+
+    @property
+    def impulse(self) -> float:
+        """Of the first impact [N s]: the end gives way as a mass of m / (1 + 3 cos^2) would."""
+        return (1 + self.restitution) * self.mass * self.speed / (1 + 3 * math.cos(self.slope) ** 2)
 
 
 def _bouncing(p: BouncingParameters) -> Mechanism:
@@ -141,6 +167,45 @@ def _stopped_duration(p: StoppedPendulumParameters) -> float:
     return round(9.0 * math.sqrt(p.length / p.g), 2)
 
 
+def _falling_rod(p: FallingRodParameters) -> Mechanism:
+    half = p.length / 2
+    rod = Body(name="rod", angle="a", mass=p.mass, centre=(0, 0), inertia=p.mass * p.length**2 / 12)
+    ends = tuple(
+        PointStop(name=name, body="rod", point=(x, 0), normal=(0, 1), offset=0, closed=False, restitution=p.restitution)
+        for name, x in (("right", half), ("left", -half))
+    )
+    return Mechanism(
+        name="falling-rod",
+        bodies=(rod,),
+        joints=(FreeJoint(name="flight", child="rod", coordinates=("x", "y")),),
+        stops=ends,
+        markers=(Marker(name="right", body="rod", point=(half, 0)), Marker(name="left", body="rod", point=(-half, 0))),
+        gravity=p.g,
+        start=(p.slope, 0.0, p.height + half * math.sin(p.slope)),
+    )
+
+
+def _falling_rod_figures(p: FallingRodParameters) -> tuple[Figure, ...]:
+    fall, momentum = p.speed / p.g, p.impulse
+    # The blow on the right end turns the rod counterclockwise.
+    spin = -momentum * p.length / 2 * math.cos(p.slope) / (p.mass * p.length**2 / 12)
+    return (
+        Figure("first impact", fall, "s", 1e-12 * fall, lambda motion: motion.impacts[0][0]),
+        Figure("impulse of it", momentum, "N s", 1e-11 * momentum, lambda motion: motion.impacts[0][1]["right"]),
+        Figure(
+            "spin after it",
+            spin,
+            "rad/s",
+            1e-11 * abs(spin),
+            lambda motion: at(speed("a"), motion.impacts[0][0])(motion),
+        ),
+    )
+
+
+def _falling_rod_duration(p: FallingRodParameters) -> float:
+    return 1.5 * p.speed / p.g
+
+
 BOUNCING = Benchmark(
     number="D01",
     name="bouncing",
@@ -165,4 +230,16 @@ STOPPED_PENDULUM = Benchmark(
     figures=_stopped_figures,
     stop_law=StopLaw.UNILATERAL,
 )
-CONTACTS = (BOUNCING, STOPPED_PENDULUM)
+FALLING_ROD = Benchmark(
+    number="D03",
+    name="falling-rod",
+    tags=("free", "contact", "impact", "closed-form"),
+    text="slanting rod that falls on a floor with one end",
+    source="W. Goldsmith, Impact (1960), Ch. II: Newton's law of impact for a rigid rod",
+    parameters=FallingRodParameters,
+    build=_falling_rod,
+    duration=_falling_rod_duration,
+    figures=_falling_rod_figures,
+    stop_law=StopLaw.UNILATERAL,
+)
+CONTACTS = (BOUNCING, STOPPED_PENDULUM, FALLING_ROD)

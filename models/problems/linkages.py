@@ -248,7 +248,7 @@ def _slider_crank_figures(p: SliderCrankParameters) -> tuple[Figure, ...]:
 
 
 def _slider_crank_duration(p: SliderCrankParameters) -> float:
-    return 3.2 * p.turn_time
+    return 1.5 * p.turn_time
 
 
 def _trammel(p: TrammelParameters) -> Mechanism:

@@ -29,6 +29,11 @@ def speed(name: str) -> Quantity:
     return lambda trajectory: trajectory.u[:, trajectory.mechanism.coordinates.index(name)]
 
 
+def marker(name: str, axis: int) -> Quantity:
+    """A component of a marker's position [m]: along x for axis 0, along y for axis 1."""
+    return lambda trajectory: trajectory.marker(name).position[:, axis]
+
+
 def at(quantity: Quantity, t: float) -> Callable[[Motion], float]:
     """A quantity at an instant [s]."""
     return lambda motion: float(quantity(motion.trajectory(np.array([t])))[0])

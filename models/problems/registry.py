@@ -7,11 +7,19 @@ from difflib import get_close_matches
 from ..errors import InputError
 from .benchmark import Benchmark
 from .contacts import CONTACTS
+from .elements import ELEMENTS
+from .free_bodies import FREE_BODIES
 from .linkages import LINKAGES
+from .oscillators import OSCILLATORS
 from .pendulums import PENDULUMS
+from .squeezer import SQUEEZER
 
 _BENCHMARKS = {
-    entry.name: entry for entry in sorted((*PENDULUMS, *LINKAGES, *CONTACTS), key=lambda entry: entry.number)
+    entry.name: entry
+    for entry in sorted(
+        (*PENDULUMS, *LINKAGES, *CONTACTS, *OSCILLATORS, *ELEMENTS, *FREE_BODIES, SQUEEZER),
+        key=lambda entry: entry.number,
+    )
 }
 
 

@@ -1,0 +1,303 @@
+"""Welds, sliders and slots in moving bodies."""
+
+from __future__ import annotations
+
+import cmath
+import math
+
+from pydantic import Field
+
+from ..joints import GROUND, PinJoint, PrismaticJoint, SlotJoint, WeldJoint
+from ..mechanism import Body, Marker, Mechanism
+from ..spec import Positive, Real, Spec
+from . import pendulum_motion
+from .benchmark import Benchmark, Figure
+from .oscillators import disc
+from .readings import at, coordinate, crossing, energy_error, largest_error, period, speed
+from .single_freedom import time_between
+
+
+class WeldedRodsParameters(Spec):
+    """A pendulum of two equal uniform rods that are welded together at an angle, let go from rest.
+
+    Raises:
+        InputError: a length, mass or gravity is not positive and finite, or an angle is not in range.
+    """
+
+    length: Positive = Field(default=0.8, description="of each rod [m]")
+    mass: Positive = Field(default=1.5, description="of each rod [kg]")
+    bend: Real = Field(default=1.2, gt=-3, lt=3, description="angle of the second rod from the first [rad]")
+    g: Positive = Field(default=9.81, description="gravity [m/s^2]")
+    amplitude: Real = Field(default=2.0, gt=0, lt=math.pi, description="start, from the lowest position [rad]")
+
+    @property
+    def centre(self) -> complex:
+        """Of mass, in the first rod's frame, x + i y [m]."""
+        return self.length * (1.5 + 0.5 * cmath.exp(-1j * self.bend)) / 2
+
+    @property
+    def lowest(self) -> float:
+        """Angle of the first rod in the lowest position [rad]."""
+        return math.pi / 2 + cmath.phase(self.centre)
+
+    @property
+    def omega(self) -> float:
+        """Of small swings [rad/s]."""
+        outer = self.length * abs(1 + 0.5 * cmath.exp(-1j * self.bend))
+        inertia = self.mass * (self.length**2 / 3 + self.length**2 / 12 + outer**2)
+        return math.sqrt(2 * self.mass * self.g * abs(self.centre) / inertia)
+
+
+class InclineParameters(Spec):
+    """A block on a smooth level rail under gravity in a slanting direction, with a start speed.
+
+    Raises:
+        InputError: a mass or gravity is not positive and finite, or the slope is not in range.
+    """
+
+    mass: Positive = Field(default=4.0, description="[kg]")
+    slope: Real = Field(default=0.3, ge=-1.5, le=1.5, description="of gravity, from the rail's normal [rad]")
+    g: Positive = Field(default=9.81, description="gravity [m/s^2]")
+    speed: Real = Field(default=-2.0, description="at the start [m/s]")
+
+
+class BeadParameters(Spec):
+    """A bead that slides without friction on a rotating arm, without gravity.
+
+    Raises:
+        InputError: a mass, inertia, distance or speed is not positive and finite, or the end is not beyond the start.
+    """
+
+    mass: Positive = Field(default=0.5, description="of the bead [kg]")
+    inertia: Positive = Field(default=0.1, description="of the arm about its pivot [kg m^2]")
+    start: Positive = Field(default=0.2, description="distance of the bead from the pivot [m]")
+    speed: Positive = Field(default=0.1, description="of the bead along the arm at the start [m/s]")
+    turning: Real = Field(default=5.0, description="of the arm at the start [rad/s]")
+    end: Positive = Field(default=3.0, description="distance whose time of passage is known [m]")
+
+    @property
+    def momentum(self) -> float:
+        """Angular momentum [kg m^2/s]."""
+        return (self.inertia + self.mass * self.start**2) * self.turning
+
+    @property
+    def passage(self) -> float:
+        """When the bead passes the end [s]."""
+        return time_between(self.start, self.end, self.speed, lambda r: self.mass, self.effective_potential)
+
+    def effective_potential(self, r: float) -> float:
+        """Energy of the turning at a distance [m] of the bead [J]."""
+        return self.momentum**2 / (2 * (self.inertia + self.mass * r**2))
+
+
+class QuickReturnParameters(Spec):
+    """A crank whose pin runs in the slot of an arm that is pivoted below it: forth slowly, back quickly.
+
+    Raises:
+        InputError: a length, mass, speed or gravity is not positive and finite.
+    """
+
+    crank: Positive = Field(default=0.2, description="from its pivot to its pin [m]")
+    distance: Positive = Field(default=0.5, description="of the arm's pivot below the crank's, more than the crank [m]")
+    arm: Positive = Field(default=0.9, description="length of the arm [m]")
+    m_crank: Positive = Field(default=1.0, description="of the crank, a uniform rod [kg]")
+    m_arm: Positive = Field(default=2.0, description="of the arm, a uniform rod [kg]")
+    g: Positive = Field(default=9.81, description="gravity [m/s^2]")
+    speed: Positive = Field(default=12.0, description="of the crank at the start, level [rad/s]")
+
+    @property
+    def turn_time(self) -> float:
+        """Of the crank's first turn [s]; it does not turn back."""
+        return time_between(0.0, 2 * math.pi, self.speed, self.inertia, self.potential)
+
+    def arm_angle(self, a: float) -> tuple[float, float]:
+        """The arm's angle [rad] at the crank's, and its derivative."""
+        pin = self.crank * cmath.exp(-1j * a)
+        reach = pin + 1j * self.distance
+        return -cmath.phase(reach), (pin / reach).real
+
+    def inertia(self, a: float) -> float:
+        """Reduced to the crank's angle [kg m^2]."""
+        return self.m_crank * self.crank**2 / 3 + self.m_arm * self.arm**2 / 3 * self.arm_angle(a)[1] ** 2
+
+    def potential(self, a: float) -> float:
+        """Energy of crank and arm [J]."""
+        arm = self.m_arm * self.arm * math.sin(self.arm_angle(a)[0])
+        return -self.g / 2 * (self.m_crank * self.crank * math.sin(a) + arm)
+
+
+def _welded_rods(p: WeldedRodsParameters) -> Mechanism:
+    first = Body(name="upper", angle="a", mass=p.mass, centre=(p.length / 2, 0), inertia=p.mass * p.length**2 / 12)
+    second = Body(name="lower", mass=p.mass, centre=(p.length / 2, 0), inertia=p.mass * p.length**2 / 12)
+    weld = WeldJoint(
+        name="weld", parent="upper", child="lower", parent_point=(p.length, 0), child_point=(0, 0), angle=p.bend
+    )
+    return Mechanism(
+        name="welded-rods",
+        bodies=(first, second),
+        joints=(PinJoint(name="pivot", parent=GROUND, child="upper", parent_point=(0, 0), child_point=(0, 0)), weld),
+        markers=(Marker(name="tip", body="lower", point=(p.length, 0)),),
+        gravity=p.g,
+        start=(p.lowest + p.amplitude,),
+    )
+
+
+def _welded_figures(p: WeldedRodsParameters) -> tuple[Figure, ...]:
+    exact, end, angle = pendulum_motion.swing_period(p.omega, p.amplitude), _welded_duration(p), coordinate("a")
+    path = largest_error(angle, lambda t: p.lowest + pendulum_motion.swing(p.omega, p.amplitude, t), end)
+    return (
+        Figure("period", exact, "s", 1e-11 * exact, period(angle, p.lowest, end)),
+        Figure("largest error of the angle", 0.0, "rad", 1e-10, path),
+    )
+
+
+def _welded_duration(p: WeldedRodsParameters) -> float:
+    return 2.5 * pendulum_motion.swing_period(p.omega, p.amplitude)
+
+
+def _incline(p: InclineParameters) -> Mechanism:
+    rail = PrismaticJoint(
+        name="rail", child="block", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0), coordinate="x"
+    )
+    return Mechanism(
+        name="incline",
+        bodies=(Body(name="block", mass=p.mass, centre=(0, 0), inertia=0.01 * p.mass),),
+        joints=(rail,),
+        markers=(Marker(name="block", body="block", point=(0, 0)),),
+        gravity=p.g,
+        gravity_direction=(math.sin(p.slope), -math.cos(p.slope)),
+        start=(0.0,),
+        start_speeds=(p.speed,),
+    )
+
+
+def _incline_figures(p: InclineParameters) -> tuple[Figure, ...]:
+    end, along = _INCLINE_DURATION, p.g * math.sin(p.slope)
+    final = p.speed * end + along * end**2 / 2
+    reach = abs(p.speed) * end + abs(along) * end**2
+    path = largest_error(coordinate("x"), lambda t: p.speed * t + along * t**2 / 2, end)
+    return (
+        Figure("position at the end", final, "m", 1e-12 * reach, at(coordinate("x"), end)),
+        Figure("largest error of the position", 0.0, "m", 1e-12 * reach, path),
+    )
+
+
+_INCLINE_DURATION = 3.0  # [s]
+
+
+def _bead(p: BeadParameters) -> Mechanism:
+    rod = PrismaticJoint(
+        name="rod", parent="arm", child="bead", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0), coordinate="r"
+    )
+    arm, pin = disc("arm", "a", 1.0, p.inertia)
+    return Mechanism(
+        name="bead",
+        bodies=(arm, Body(name="bead", mass=p.mass, centre=(0, 0), inertia=0)),
+        joints=(pin, rod),
+        markers=(Marker(name="bead", body="bead", point=(0, 0)),),
+        gravity=0,
+        start=(0.0, p.start),
+        start_speeds=(p.turning, p.speed),
+    )
+
+
+def _bead_figures(p: BeadParameters) -> tuple[Figure, ...]:
+    end, r, exact = _bead_duration(p), coordinate("r"), p.passage
+    turning = p.momentum / (p.inertia + p.mass * p.end**2)
+    return (
+        Figure("passage of the end", exact, "s", 1e-11 * exact, lambda m: crossing(m, r, p.end, end), "quadrature"),
+        Figure("arm's speed then", turning, "rad/s", 1e-11 * max(1.0, abs(turning)), at(speed("a"), exact)),
+    )
+
+
+def _bead_duration(p: BeadParameters) -> float:
+    return 1.2 * p.passage
+
+
+def _quick_return(p: QuickReturnParameters) -> Mechanism:
+    angle, slope = p.arm_angle(0.0)
+    crank = Body(name="crank", angle="a", mass=p.m_crank, centre=(p.crank / 2, 0), inertia=p.m_crank * p.crank**2 / 12)
+    arm = Body(name="arm", angle="b", mass=p.m_arm, centre=(p.arm / 2, 0), inertia=p.m_arm * p.arm**2 / 12)
+    slot = SlotJoint(
+        name="slot", parent="arm", child="crank", parent_point=(0, 0), child_point=(p.crank, 0), axis=(1, 0)
+    )
+    return Mechanism(
+        name="quick-return",
+        bodies=(crank, arm),
+        joints=(
+            PinJoint(name="crank pivot", parent=GROUND, child="crank", parent_point=(0, 0), child_point=(0, 0)),
+            PinJoint(name="arm pivot", parent=GROUND, child="arm", parent_point=(0, -p.distance), child_point=(0, 0)),
+            slot,
+        ),
+        markers=(Marker(name="tip", body="arm", point=(p.arm, 0)),),
+        gravity=p.g,
+        start=(0.0, angle),
+        start_speeds=(p.speed, slope * p.speed),
+    )
+
+
+def _quick_return_figures(p: QuickReturnParameters) -> tuple[Figure, ...]:
+    end, a = _quick_return_duration(p), coordinate("a")
+    half = time_between(0.0, math.pi, p.speed, p.inertia, p.potential)
+    turn, scale = p.turn_time, p.inertia(0.0) * p.speed**2
+    return (
+        Figure("time of a turn", turn, "s", 1e-11, lambda m: crossing(m, a, 2 * math.pi, end), "quadrature"),
+        Figure("time of the first half", half, "s", 1e-11, lambda m: crossing(m, a, math.pi, end), "quadrature"),
+        Figure("largest change of the energy", 0.0, "J", 1e-11 * max(1.0, scale), energy_error(end)),
+    )
+
+
+def _quick_return_duration(p: QuickReturnParameters) -> float:
+    return 1.5 * p.turn_time
+
+
+WELDED_RODS = Benchmark(
+    number="E05",
+    name="welded-rods",
+    tags=("tree", "weld", "closed-form"),
+    text="pendulum of two rods that are welded together at an angle",
+    source="moves as a pendulum: E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. IV",
+    parameters=WeldedRodsParameters,
+    build=_welded_rods,
+    duration=_welded_duration,
+    figures=_welded_figures,
+)
+INCLINE = Benchmark(
+    number="E06",
+    name="incline",
+    tags=("tree", "prismatic", "gravity", "closed-form"),
+    text="block on a rail under gravity in a slanting direction",
+    source="G. Galilei, Discorsi (1638): constant acceleration",
+    parameters=InclineParameters,
+    build=_incline,
+    duration=lambda p: _INCLINE_DURATION,
+    figures=_incline_figures,
+)
+BEAD = Benchmark(
+    number="E09",
+    name="bead",
+    tags=("tree", "prismatic", "quadrature"),
+    text="bead that slides outwards on a rotating arm",
+    source="angular momentum and energy are conserved; E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. III",
+    parameters=BeadParameters,
+    build=_bead,
+    duration=_bead_duration,
+    figures=_bead_figures,
+)
+QUICK_RETURN = Benchmark(
+    number="C05",
+    name="quick-return",
+    tags=("loop", "slot", "quadrature"),
+    text="crank whose pin runs in the slot of a swinging arm",
+    source="time of a turn by quadrature: E. T. Whittaker, Analytical Dynamics (4th ed., 1937), Ch. III",
+    parameters=QuickReturnParameters,
+    build=_quick_return,
+    duration=_quick_return_duration,
+    figures=_quick_return_figures,
+)
+ELEMENTS = (
+    QUICK_RETURN,
+    WELDED_RODS,
+    INCLINE,
+    BEAD,
+)
