@@ -19,8 +19,8 @@ Settings = tuple[str, str, str, Mapping[str, object]]
 
 
 _HORIZON = (
-    "there a hundred-thousandth of a body's inertia, or of the start, moves the mechanism by a thousandth of its size, "
-    "and any two integrators differ"
+    "there a hundred-thousandth of a body's inertia, or a millionth of the start, moves the mechanism by a thousandth "
+    "of its size, and any two integrators differ"
 )
 """What is so beyond the predictability horizon."""
 _BEYOND = "beyond it only invariants and the time of first parting are judged"

@@ -40,11 +40,13 @@ tolerance; motions that differ by more have parted."""
 LIMIT = 100.0
 """Where a hundred-thousandth of a body's inertia, less than any is known to, moves something by the default
 tolerance, nothing is judged any more but invariants and the time of first parting."""
+START_LIMIT = 1000.0
+"""Of errors of the start, which engines take over exactly: a millionth may move something by the default tolerance."""
 REGULAR = 2.5
 """In a characteristic time: of a pendulum it is 0.5 (a point mass) to 1.5 (a rod), whatever its amplitude."""
 _CHANGE = 1e-6
 """Of mass times length squared of one body; of the scale of an angle, a slide or a speed at the start."""
-_TOLERANCE = 1e-9  # of the integrations: a thousandth of what the change moves
+_TOLERANCE = 1e-9  # of the integrations: a thousandth of what the change moves; less where the motion is small
 _KNOWN = 1e-4  # of a scale: the reference itself is not known better, and the default is not judged any more
 _SAMPLES = 400
 _NEAR = 0.1  # of the interval of the samples
@@ -69,12 +71,12 @@ class Stretching:
     rounding: FloatArray
     """Of the reference's own integration, carried on: an estimate of its error, in parts of scales."""
     allowed: FloatArray
-    """Most that is predictable, at each time."""
+    """Most that is predictable at each time, of parameters; of the start in proportion."""
 
     @property
     def largest(self) -> FloatArray:
-        """The larger of the two, shape (n,)."""
-        return np.maximum(self.parameters, self.start)
+        """The larger of the two, that of the start in proportion to its limit; shape (n,)."""
+        return np.maximum(self.parameters, self.start * (LIMIT / START_LIMIT))
 
     @property
     def horizon(self) -> float:
@@ -99,9 +101,9 @@ def stretching_until(solution: Solution, end: float, scales: Scales) -> Stretchi
     parameters = changed.largest(chain(_with_other_inertias(mechanism), _with_other_forces(mechanism)), _motion)
     start = changed.largest(_with_other_starts(mechanism, scales), _configuration)
     steps = np.searchsorted(np.concatenate([segment.interpolant.ts for segment in solution.segments]), t)
-    largest = np.maximum(parameters, start)
     allowed = np.maximum(LIMIT, REGULAR * t / scales.time)
-    rounding = np.asarray(TOLERANCE * steps * np.maximum(1.0, largest), dtype=np.float64)
+    carried = np.maximum(1.0, np.maximum(parameters, start))
+    rounding = np.asarray(TOLERANCE * steps * carried, dtype=np.float64)
     return Stretching(t, parameters, start, rounding, allowed)
 
 
@@ -130,6 +132,7 @@ class _Changed:
 
     def __init__(self, solution: Solution, end: float, scales: Scales) -> None:
         self.problem, self.end, self.scales = solution.problem, end, scales
+        self.tolerance = _tolerance(self.problem.mechanism, scales)
         self.t = _away_from_impacts(solution, np.linspace(0.0, end, _SAMPLES))
         try:
             self.unchanged = self._solved(self.problem.mechanism, end)
@@ -156,7 +159,12 @@ class _Changed:
 
     def _solved(self, mechanism: Mechanism, end: float) -> Solution:
         problem = Problem(mechanism, duration=end, stop_law=self.problem.stop_law)
-        return solve(problem, _TOLERANCE, _TOLERANCE)
+        return solve(problem, self.tolerance, self.tolerance)
+
+
+def _tolerance(mechanism: Mechanism, scales: Scales) -> float:
+    """As much smaller as the motion is slower than the natural one: of a small swing only a part of it is an error."""
+    return max(TOLERANCE, _TOLERANCE * min(1.0, scales.speed / _natural_speed(mechanism, scales)))
 
 
 def _away_from_impacts(solution: Solution, t: FloatArray) -> FloatArray:
