@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from ..models.errors import SimulationError, TrebucheckError, shortened
-from . import catalogue, certify, paper, problems, recommend, run, studies, throw
+from . import catalogue, certify, problems, run, studies, throw
 from .output import printable
 
 app = typer.Typer(
@@ -36,9 +36,9 @@ for name, command in {
     "run": run.run_command,
     "throw": throw.throw_command,
     "certify": certify.certify_command,
-    "recommend": recommend.recommend_command,
+    "recommend": studies.recommend_command,
     "converge": studies.converge_command,
-    "paper": paper.paper_command,
+    "paper": studies.paper_command,
     "problems": problems.problems_command,
     "engines": catalogue.engines_command,
 }.items():

@@ -1,4 +1,4 @@
-"""`trebucheck compare`, `converge` and `explain`: engines measured on machines."""
+"""`trebucheck compare`, `converge`, `explain` and `recommend`: engines measured on machines; `paper`: its claims."""
 
 from __future__ import annotations
 
@@ -8,7 +8,24 @@ from typing import Annotated
 
 import typer
 
+from ..models.errors import InputError
 from . import options, output
+
+_NEIGHBOURS = 32
+
+Position = Annotated[
+    float | None, typer.Option("--position", help="Largest distance of any marker from the reference (m).")
+]
+Torque = Annotated[
+    str | None,
+    typer.Option(
+        "--torque", help="Largest error of any stop's torque: N m (N on points), or a share of the largest: 0.1%."
+    ),
+]
+Release = Annotated[float | None, typer.Option("--release", help="Largest error of any stop's release (s).")]
+Neighbours = Annotated[
+    int, typer.Option("--neighbours", help="Machines of the same kind the settings are to hold on, too; 0: none.")
+]
 
 
 def compare_command(
@@ -144,3 +161,83 @@ def explain_command(
     output.publish(data, document(explanation), out / "explain.html", "Page", store=study.store)
     if explanation.failures:
         raise typer.Exit(1)
+
+
+def recommend_command(
+    model: options.Model = "fixed",
+    position: Position = None,
+    torque: Torque = None,
+    release: Release = None,
+    engines: options.Engines = None,
+    until: options.Until = None,
+    assignments: options.Set = None,
+    beam: options.Beam = None,
+    neighbours: Neighbours = _NEIGHBOURS,
+    resume: Annotated[bool, typer.Option("--resume", help="Take finished trials from the folder again.")] = False,
+    timeout: options.Timeout = 600.0,
+    out: Annotated[Path, options.out("Folder for recommend.json and the trials.")] = Path("recommend"),
+) -> None:
+    """Find, for each engine, the cheapest measured settings that reach an accuracy, up to the launch or to --until.
+
+    Prints them with the texts to paste into the MJCF, the pymunk or the Exudyn script, or says what stands in the
+    way; writes recommend.json. At least one of --position, --torque and --release must be given. Settings must
+    reach it on the machine and on the worst of its neighbours, whose lengths, masses and start angles differ.
+
+    Examples:
+    trebucheck recommend --model rolling --position 1e-3 --torque 0.01%
+
+    trebucheck recommend --model fixed --set l1=9.5 --engines mujoco --position 1e-6 --release 1e-8
+
+    trebucheck recommend --model pendulum.json --position 1e-4 --until 5
+    """
+    from ..comparisons.recommend import Asked, recommend
+    from ..comparisons.recommend.cases import read_torque
+    from ..comparisons.recommend.report import document
+
+    if position is None and torque is None and release is None:
+        raise InputError("nothing is asked; give at least one of --position, --torque and --release.")
+    target = Asked(position=position, release=release, **(read_torque(torque) if torque is not None else {}))
+    chosen = options.parameters(assignments, beam)
+    mechanism, own = options.machine(model, assignments, beam, "recommend"), model.strip().endswith(".json")
+    parameters = None if own else chosen.of(model.strip())
+    study = options.study(
+        [mechanism if own else model.strip()], engines, out, resume, timeout, parameters=parameters, until=until
+    )
+    with output.progress("references", 30) as show:
+        advice = recommend(replace(study, progress=show), target, neighbours)
+    output.publish((out / "recommend.json", advice.to_json()), document(advice), store=study.store)
+
+
+def paper_command(
+    engines: options.Engines = None,
+    sections: Annotated[
+        str | None,
+        typer.Option("--sections", help="Further studies: identification,drag,sweep,machines,design; all by default."),
+    ] = None,
+    timeout: Annotated[
+        float, typer.Option("--timeout", help="Longest wait for one run, or one further study (s).")
+    ] = 600.0,
+    out: Annotated[Path, options.out("Folder for paper.html and paper.json.")] = Path("paper"),
+) -> None:
+    """Judge every number and statement of the paper that a solver can reach, by the reference and every engine.
+
+    Writes paper.html (self-contained) and paper.json; prints the verdicts. A verdict follows from stated rules. What
+    fails here is a row that says so, never a lost report.
+
+    Examples:
+    trebucheck paper --out paper
+
+    trebucheck paper --engines mujoco --sections sweep
+    """
+    from ..models.files import refuse_unwritable
+    from ..paper.report import document
+    from ..paper.study import study
+
+    if not timeout > 0:
+        raise InputError(f"timeout = {timeout!r} s must be positive.")
+    engine_list = options.chosen_names(engines, "--engines")
+    section_list = options.chosen_names(sections, "--sections")
+    refuse_unwritable(out)
+    with output.progress("paper") as show:
+        judged = study(engine_list, sections=section_list, timeout=timeout, progress=show)
+    output.publish((out / "paper.json", judged.to_json()), document(judged), out / "paper.html")

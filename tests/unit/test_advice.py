@@ -322,7 +322,7 @@ def test_an_engine_that_is_not_here_is_a_row(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_the_command_takes_as_many_neighbours_as_the_function() -> None:
-    from trebucheck.cli import recommend as command
+    from trebucheck.cli import studies as command
     from trebucheck.comparisons.recommend import study as recommending
 
     assert command._NEIGHBOURS == recommending.NEIGHBOURS
