@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
+from ...models.features import Feature
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
@@ -36,6 +37,7 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
         joint_gaps=True,
         located_releases=True,
         stop_laws=frozenset(StopLaw),
+        features=frozenset(Feature),
         formulation="maximal coordinates, velocity-level impulses by Gauss-Seidel, leapfrog positions",
     )
     # What the library does if nothing is set, and its states read as they come after each step.

@@ -19,9 +19,11 @@ from ...models.errors import SimulationError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ..contact_events import Contacts, active_contacts, resting
-from .build import Assembly, build
+from .assembly import Assembly
+from .build import build
 from .leapfrog import STEP, settled_increment
-from .read import forces_of, reading_of
+from .reactions import forces_of
+from .read import reading_of
 
 _ROUNDING = 1e-9  # of the speeds, or of the largest impulse: error of converged impulses where they should be zero
 
@@ -58,7 +60,7 @@ def resolve_impact(placed: Mechanism, restitution: Mapping[str, float], pivot_ma
         SimulationError: the impulses do not converge, or no set of contacts takes part.
     """
     # Not validated: stops keep the word on whether they touch.
-    weightless = placed.model_copy(update={"gravity": 0.0})
+    weightless = placed.model_copy(update={"gravity": 0.0, "force_elements": ()})
     impacts: dict[Contacts, Impact] = {}
 
     def violated(active: Contacts) -> str | None:

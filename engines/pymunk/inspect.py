@@ -24,10 +24,12 @@ from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ...models.stops import PointStop, Stop
 from ..inspection import Dynamics, Inspection, State
-from .build import Assembly, Rod, build
+from .assembly import Assembly, Rod
+from .build import build
 from .leapfrog import STEP, settled_increment
 from .options import PymunkOptions
-from .read import Reading, as_vectors, forces_of, reading_of
+from .reactions import forces_of
+from .read import Reading, as_vectors, reading_of
 
 
 def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkOptions) -> Inspection:
@@ -49,13 +51,14 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkOption
 
 
 def _total_mass(assembly: Assembly, pivot_mass: float) -> float | None:
-    """Mass of all bodies [kg]; None if one of them has a multiple of its own on a pin in the ground."""
+    """Mass of all bodies [kg]; None if one has a multiple of its own on a pin in the ground, or is welded to it."""
     pinned = [
         joint
-        for joint in assembly.mechanism.tree_joints
+        for joint in assembly.rigid.tree_joints
         if joint.parent == GROUND and isinstance(joint, PinJoint) and assembly.parts[joint.child].turns
     ]
-    return None if pinned and pivot_mass != 1 else float(sum(body.mass for body in assembly.bodies))
+    grounded = any(place.carrier == GROUND for name, place in assembly.placements.items() if name != GROUND)
+    return None if (pinned and pivot_mass != 1) or grounded else float(sum(body.mass for body in assembly.bodies))
 
 
 def _dynamics(built: Assembly, state: State, pivot_mass: float) -> Dynamics:
@@ -75,24 +78,38 @@ def _dynamics(built: Assembly, state: State, pivot_mass: float) -> Dynamics:
 
 
 def _inertia(assembly: Assembly) -> tuple[FloatArray, FloatArray]:
-    """M and f of the engine's bodies: sum of m J^T J + I j^T j, and of J^T m (g - centrifugal acceleration).
+    """M and f of the engine's bodies: sum of m J^T J + I j^T j, and of J^T m (a - centrifugal acceleration) + j^T I s.
 
-    A body that does not turn has no angle of its own (its moment is infinite): it is a point mass. Mass on a pin in
-    the ground does not move, and so is in neither.
+    The accelerations a and s of a body are those that gravity and force elements give it where no joint holds it. A
+    body that does not turn has no angle of its own (its moment is infinite): it is a point mass. Mass on a pin in the
+    ground does not move, and so is in neither.
     """
-    kinematics = Kinematics(assembly.mechanism)
+    kinematics, attitudes = Kinematics(assembly.mechanism), assembly.mechanism.attitudes
     q, u = initial_state(assembly.mechanism)
-    gravity = complex(*assembly.space.gravity)
+    rates = kinematics.rates(q)
     mass, forces = np.zeros((len(q), len(q))), np.zeros(len(q))
-    for i, part in enumerate(assembly.parts.values()):
+    for part, (x, y, spin) in zip(assembly.parts.values(), _free_accelerations(assembly), strict=True):
         row = kinematics.point(part.name, (part.reference.real, part.reference.imag))
-        jacobian = row.coefficients * kinematics.rates(q)
+        jacobian = kinematics.gradient(row.coefficients, q, rates)
         centripetal = complex(*kinematics.acceleration(row, q, u, np.zeros_like(q)))
         mass += part.body.mass * np.outer(jacobian.conj(), jacobian).real
-        forces += part.body.mass * (jacobian.conj() * (gravity - centripetal)).real
-        if part.turns:
-            mass[i, i] += part.body.moment
+        forces += part.body.mass * (jacobian.conj() * (complex(x, y) - centripetal)).real
+        index, _ = attitudes[part.name]
+        if part.turns and index is not None:
+            mass[index, index] += part.body.moment
+            forces[index] -= part.body.moment * spin
     return mass, forces
+
+
+def _free_accelerations(assembly: Assembly) -> FloatArray:
+    """Accelerations of the bodies without joints and stops, shape (n_bodies, 3): what all forces do, in Chipmunk."""
+    joints = [joint for joint in assembly.space.constraints if not isinstance(joint, _SPRINGS)]
+    if joints:
+        assembly.space.remove(*joints)
+    accelerations = settled_increment(assembly) / STEP
+    if joints:
+        assembly.space.add(*joints)
+    return accelerations
 
 
 def _stepped(assembly: Assembly) -> Reading:
@@ -112,6 +129,9 @@ def _set_targets(assembly: Assembly) -> None:
             joint.anchor_a = (anchor.real, anchor.imag)
 
 
+_SPRINGS = (constraints.DampedSpring, constraints.DampedRotarySpring)
+
+
 @dataclass(frozen=True)
 class _End:
     """The end of a joint on a body: position [m], velocity [m/s], acceleration at constant rates [m/s^2]."""
@@ -129,25 +149,33 @@ class _End:
 def _lengthening(rod: Rod) -> float:
     """Second derivative of the distance between a rod's ends [m/s^2], at constant rates of its bodies.
 
-    |d|'' = n . d'' + (n x d')^2 / |d| with n = d / |d|; an anchor that moves along a line leaves no d' across.
+    |d|'' = n . d'' + (n x d')^2 / |d| with n = d / |d|. The anchor of a sliding rod leaves no velocity across in the
+    frame of its line, which turns with w: then n . d'' + 2 w (n x d') - w^2 |d|.
     """
     a, b = _End.of(rod.joint.a, rod.joint.anchor_a), _End.of(rod.joint.b, rod.joint.anchor_b)
     difference, velocity = b.position - a.position, b.velocity - a.velocity
     distance = abs(difference)
     along = difference.conjugate() / distance
-    across = 0.0 if rod.axis is not None else (along * velocity).imag
-    return (along * (b.centripetal - a.centripetal)).real + across**2 / distance
+    across = (along * velocity).imag
+    bent = (along * (b.centripetal - a.centripetal)).real
+    if rod.axis is None:
+        return bent + across**2 / distance
+    spin = rod.joint.a.angular_velocity
+    return bent + 2 * spin * across - spin**2 * distance
 
 
 def _gap(built: Assembly, stop: Stop | PointStop, reading: Reading) -> float:
     """Gap of a stop [rad or m] at the bodies' present positions, by its joint as it was built at the start."""
-    joint = built.stops[stop.name]
+    joint, stop = built.stops[stop.name], built.rigid.stop(stop.name)
     rod = next((rod for rod in built.rods if rod.joint is joint), None)
     if isinstance(stop, PointStop):
         assert rod is not None
-        difference = complex(reading.point(stop.body, stop.point).position[0]) - complex(*rod.end_a)
-        return (difference * complex(*stop.normal).conjugate()).real - rod.length
-    q = {name: float(frame.q[0]) for name, frame in reading.frames.items()} | {GROUND: 0.0}
+        other = built.parts.get(stop.relative_to)
+        anchor = complex(*rod.end_a) + (other.reference if other is not None else 0j)
+        wall = reading.frames[stop.relative_to]
+        difference = complex((reading.point(stop.body, stop.point).position - wall.point(anchor).position)[0])
+        return (difference * complex(wall.world(complex(*stop.normal))[0]).conjugate()).real - rod.length
+    q = {name: float(frame.q[0]) for name, frame in reading.frames.items()}
     between = q[stop.body] - q[stop.relative_to]
     if rod is None:
         assert isinstance(joint, constraints.GearJoint)
@@ -164,7 +192,7 @@ def _braced_angle(built: Assembly, rod: Rod, stop: Stop) -> float:
     if built.parts[bob].turns:
         bob, base = base, bob
     part = built.parts[bob]
-    pin = built.mechanism.joint_of(bob).parent_point
+    pin = built.rigid.joint_of(bob).parent_point
     origin = 0j if base == GROUND else built.parts[base].reference
     anchor = origin + complex(*rod.end_a) - complex(*pin)
     arm, far, brace = abs(part.reference - part.pin), abs(anchor), rod.joint.distance

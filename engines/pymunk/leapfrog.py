@@ -6,8 +6,10 @@ increment at a given position is that of a step for which the bodies have been m
 
 from __future__ import annotations
 
+import cmath
 import math
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -16,7 +18,9 @@ import pymunk.batch
 
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
-from .build import Assembly, Rod
+from .assembly import Assembly, Rod
+from .loads import Pose
+from .read import Samples, samples_of
 
 _FIELDS = (
     pymunk.batch.BodyFields.POSITION
@@ -47,12 +51,14 @@ class Stepper:
         self.rows: list[Row] = []
         self.leapfrog = False
         self._initial: Row = []
+        self._half: Row = []
+        self._initial_rates = np.zeros(0)
         self._space = assembly.space
         self._buffer: Any = pymunk.batch.Buffer()
         self._offsets = self._body_offsets()
-        rods = [_CorrectedRod(rod, self._offsets, h) for rod in assembly.rods]
+        rods = [_corrected(rod, self._offsets, h) for rod in assembly.rods]
         self._corrected = rods if hold_lengths else []
-        self._sliding = [rod for rod in rods if rod.rod.axis is not None]
+        self._sliding = [rod for rod in rods if isinstance(rod, _SlidingRod)]
 
     def start(self, iterations: int, leapfrog: bool) -> None:
         """Make `rows[0]`; in a leapfrog, with the velocities of half a step later."""
@@ -60,6 +66,9 @@ class Stepper:
         if leapfrog:
             self._half_step(iterations)
         self.rows = [self._read()]
+        self._half = self.rows[0]
+        if leapfrog and self._corrected and np.any(self._initial_rates):
+            self._meet_lengths(iterations)
         earlier = self._step_before()
         for rod in self._corrected:
             rod.begin(earlier, self.rows[0])
@@ -71,6 +80,8 @@ class Stepper:
         for _ in range(steps):
             for rod in self._sliding:
                 rod.move_anchor(rows[-1])
+            if self.assembly.loads is not None:
+                self.assembly.loads.set_forces(self._next_poses())
             space.step(h)
             row = self._read()
             rows.append(row)
@@ -89,14 +100,18 @@ class Stepper:
         """Steps taken since the start."""
         return len(self.rows) - 1
 
-    def states(self, first: int) -> FloatArray:
-        """Rows from the one before `first` on, bodies in the mechanism's order, shape (n, n_bodies, 6).
-
-        The row before the start continues the first velocity increment backwards.
-        """
-        rows = np.array(self.rows[max(first - 1, 0) :])
+    def samples(self, first: int, last: int | None = None) -> Samples:
+        """Samples from one to another, both included; to the present one if left out."""
+        rows = np.array(self.rows[max(first - 1, 0) : None if last is None else last + 1])
+        start = None
         if first == 0:
-            rows = np.concatenate([[self._before_start()], rows])
+            # The start's is that of the velocity increment there, continued backwards.
+            start = self._by_body(np.array([self._before_start(), self._half]))
+            rows = np.concatenate([rows[:1], rows])
+        return samples_of(self._by_body(rows), self.h, self.leapfrog, start)
+
+    def _by_body(self, rows: FloatArray) -> FloatArray:
+        """Rows by the assembly's bodies, shape (n, n_bodies, 6)."""
         columns = [self._offsets[body.id] // _WIDTH for body in self.assembly.bodies]
         return rows.reshape(len(rows), -1, _WIDTH)[:, columns]
 
@@ -109,7 +124,7 @@ class Stepper:
 
     def _before_start(self) -> FloatArray:
         if self.leapfrog:
-            return 2 * np.array(self._initial) - np.array(self.rows[0])
+            return 2 * np.array(self._initial) - np.array(self._half)
         return 2 * np.array(self.rows[0]) - np.array(self.rows[min(1, self.steps)])
 
     def _body_offsets(self) -> dict[int, int]:
@@ -122,15 +137,46 @@ class Stepper:
         pymunk.batch.get_space_bodies(self._space, _FIELDS, self._buffer)
         return cast("Row", memoryview(self._buffer.float_buf()).cast("d").tolist())
 
+    def _next_poses(self) -> Callable[[pymunk.Body], Pose]:
+        """Where each body is after the next step, and its speeds there by those of the last two half steps."""
+        row, h, offsets = self.rows[-1], self.h, self._offsets
+        before = row
+        if self.leapfrog:
+            before = self.rows[-2] if self.steps else self._before_start().tolist()
+
+        def pose_of(body: pymunk.Body) -> Pose:
+            k = offsets[body.id]
+            x, y, angle, vx, vy, spin = row[k : k + _WIDTH]
+            bx, by, spin_before = before[k + 3 : k + _WIDTH]
+            velocity = complex(1.5 * vx - 0.5 * bx, 1.5 * vy - 0.5 * by)
+            return Pose(complex(x + h * vx, y + h * vy), angle + h * spin, velocity, 1.5 * spin - 0.5 * spin_before)
+
+        return pose_of
+
     def _half_step(self, iterations: int) -> None:
         for rod in self._corrected:
             rod.prepare(self._initial)
-        before = self.assembly.rates
+        self._initial_rates = self.assembly.rates
+        self._keep_half(iterations)
+
+    def _keep_half(self, iterations: int) -> None:
+        before = self._initial_rates
         _step_to(self.assembly, _places(self.assembly), before, self.h, iterations)
         self.assembly.rates = (self.assembly.rates + before) / 2
 
+    def _meet_lengths(self, iterations: int) -> None:
+        """Add to the velocities of the first step what makes it end at the rods' lengths.
 
-class _CorrectedRod:
+        Half an increment misses them by O(h^3) where forces change at the start. To undo that in the step after would
+        be an error of O(h) in the forces.
+        """
+        for rod in self._corrected:
+            rod.meet(self._half)
+        self._keep_half(iterations)
+        self.rows = [self._read()]
+
+
+class _CorrectedRod(ABC):
     """A rod whose length is kept to a higher order than by Chipmunk alone.
 
     Chipmunk corrects the distance along the line between the ends. Because the ends also move across the line and on
@@ -138,24 +184,25 @@ class _CorrectedRod:
     from the last two steps, leaves an error of O(h^4), as SHAKE would. It takes no force into account.
     """
 
-    __slots__ = ("_a", "_ax", "_ay", "_b", "_bx", "_by", "_h", "_last", "_nx", "_ny", "_slides", "joint", "rod")
+    __slots__ = ("_h", "_last", "_length", "joint")
 
-    def __init__(self, rod: Rod, offsets: dict[int, int], h: float) -> None:
-        self.rod, self.joint = rod, rod.joint
-        self._a = -1 if rod.a is None else offsets[rod.a.id]
-        self._b = offsets[rod.b.id]
-        self._ax, self._ay = rod.end_a
-        self._bx, self._by = rod.end_b
+    def __init__(self, rod: Rod, h: float) -> None:
+        self.joint, self._length = rod.joint, rod.length
         self._h = h
-        self._slides = rod.axis is not None
-        across = 1j * (rod.axis or 0j)
-        self._nx, self._ny = across.real, across.imag
         self._last = 0.0
 
     def prepare(self, start: Row) -> None:
         """Correct the increment at the start, half of which is kept: by twice the stretch without its odd orders."""
         stretch = (self._stretch(start, self._h) + self._stretch(start, -self._h)) / 2
-        self.joint.distance = self.rod.length - 2.0 * stretch
+        self.joint.distance = self._length - 2.0 * stretch
+
+    def meet(self, half: Row) -> None:
+        """Correct the same increment so that the first step ends at the rod's length.
+
+        Args:
+            half: the bodies at the start, with their velocities of half a step later.
+        """
+        self.joint.distance = self._length - 2.0 * self._stretch(half, self._h)
 
     def begin(self, earlier: Row, first: Row) -> None:
         """Correct the first step, from the state after the start's increment and the one before it."""
@@ -167,14 +214,35 @@ class _CorrectedRod:
         # This state's velocities fix the stretch s of the next step; the increment in it acts on the step after, whose
         # stretch is extrapolated from this one and the last.
         s = self._stretch(row, self._h)
-        self.joint.distance = self.rod.length - (2.0 * s - self._last)
+        self.joint.distance = self._length - (2.0 * s - self._last)
         self._last = s
 
+    @abstractmethod
     def _stretch(self, row: Row, h: float) -> float:
         """How much longer the rod is after a step than by its rate of change [m].
 
         Summed from small terms: the difference of two distances would bring their rounding errors into the forces.
         """
+
+
+def _corrected(rod: Rod, offsets: Mapping[int, int], h: float) -> _CorrectedRod:
+    return _FixedRod(rod, offsets, h) if rod.axis is None else _SlidingRod(rod, rod.axis, offsets, h)
+
+
+class _FixedRod(_CorrectedRod):
+    """Between two points of bodies, or from a point of the ground to one of a body."""
+
+    __slots__ = ("_a", "_ax", "_ay", "_b", "_bx", "_by")
+
+    def __init__(self, rod: Rod, offsets: Mapping[int, int], h: float) -> None:
+        super().__init__(rod, h)
+        assert rod.b is not None
+        self._a = -1 if rod.a is None else offsets[rod.a.id]
+        self._b = offsets[rod.b.id]
+        self._ax, self._ay = rod.end_a
+        self._bx, self._by = rod.end_b
+
+    def _stretch(self, row: Row, h: float) -> float:
         b, a = self._b, self._a
         dx, dy, cx, cy = _arc(row[b + 2], h * row[b + 5], self._bx, self._by)
         x, y = row[b] + dx, row[b + 1] + dy
@@ -185,27 +253,70 @@ class _CorrectedRod:
             dx, dy, ax, ay = _arc(row[a + 2], h * row[a + 5], self._ax, self._ay)
             x, y, cx, cy = x - row[a] - dx, y - row[a + 1] - dy, cx - ax, cy - ay
             px, py = px - h * (row[a + 3] - row[a + 5] * dy), py - h * (row[a + 4] + row[a + 5] * dx)
-        if self._slides:  # the anchor moves along: nothing moves across
-            return cx * self._nx + cy * self._ny
         distance = math.hypot(x, y)
         along = (x * cx + y * cy) / distance
         across = (x * (py + cy) - y * (px + cx)) / distance
         expected = distance + (x * px + y * py) / distance + along
         return along + across * across / (math.hypot(expected, across) + expected)
 
+
+class _SlidingRod(_CorrectedRod):
+    """Across a line of a body (or of the ground), along which one end follows the other one."""
+
+    __slots__ = ("_a", "_axis", "_b", "_end_a", "_end_b")
+
+    def __init__(self, rod: Rod, axis: complex, offsets: Mapping[int, int], h: float) -> None:
+        super().__init__(rod, h)
+        self._a, self._b = (-1 if body is None else offsets[body.id] for body in (rod.a, rod.b))
+        self._end_a, self._end_b = complex(*rod.end_a), complex(*rod.end_b)
+        self._axis = axis
+
     def move_anchor(self, row: Row) -> None:
-        """Move the end on the ground along its line to where the other end is predicted to be."""
-        axis = self.rod.axis
-        assert axis is not None
-        b, h = self._b, self._h
-        angle = row[b + 2] + h * row[b + 5]
-        c, s = math.cos(angle), math.sin(angle)
-        x = row[b] + h * row[b + 3] + c * self._bx - s * self._by
-        y = row[b + 1] + h * row[b + 4] + s * self._bx + c * self._by
-        along = (x - self._ax) * axis.real + (y - self._ay) * axis.imag
-        self._ax += along * axis.real
-        self._ay += along * axis.imag
-        self.joint.anchor_a = (self._ax, self._ay)
+        """Move the end on the line to where the other end will be across from it after the next step."""
+        self._end_a = self._foot(row, self._h)
+        self.joint.anchor_a = (self._end_a.real, self._end_a.imag)
+
+    def _foot(self, row: Row, h: float) -> complex:
+        """The end on the line across from the other one, if both bodies keep their velocities for a while."""
+        point = _predicted(row, self._b, h) + self._end_b * _turned(row, self._b, h)
+        local = (point - _predicted(row, self._a, h)) * _turned(row, self._a, h).conjugate()
+        along = ((local - self._end_a) * self._axis.conjugate()).real
+        return self._end_a + along * self._axis
+
+    def _stretch(self, row: Row, h: float) -> float:
+        # With n across the line, d from foot to point and the line's rotation e: Re(conj(e n) d) after the step.
+        a, b = self._a, self._b
+        normal = 1j * self._axis * _turned(row, a, 0.0)
+        speed, bent = _advance(row, b, self._end_b, h)
+        if a < 0:
+            return (normal.conjugate() * bent).real
+        speed_a, bent_a = _advance(row, a, self._foot(row, 0.0), h)
+        moved = h * (speed - speed_a) * normal.conjugate()
+        bent = (bent - bent_a) * normal.conjugate()
+        turn = h * row[a + 5]
+        sine, less = math.sin(turn), 2.0 * math.sin(turn / 2) ** 2
+        return sine * (moved + bent).imag - less * (self._length + moved + bent).real + bent.real
+
+
+def _predicted(row: Row, k: int, h: float) -> complex:
+    """Position of a body after a while at constant velocity; of the ground, its origin [m]."""
+    return complex(row[k] + h * row[k + 3], row[k + 1] + h * row[k + 4]) if k >= 0 else 0j
+
+
+def _turned(row: Row, k: int, h: float) -> complex:
+    return cmath.exp(1j * (row[k + 2] + h * row[k + 5])) if k >= 0 else 1.0 + 0j
+
+
+def _advance(row: Row, k: int, arm: complex, h: float) -> tuple[complex, complex]:
+    """Velocity of a body's point [m/s], and the deviation of its arc from the tangent in a step [m]."""
+    if k < 0:
+        return 0j, 0j
+    arm *= _turned(row, k, 0.0)
+    dx, dy = arm.real, arm.imag
+    turn = h * row[k + 5]
+    inwards, behind = -2.0 * math.sin(turn / 2) ** 2, math.sin(turn) - turn
+    bent = complex(inwards * dx - behind * dy, inwards * dy + behind * dx)
+    return complex(row[k + 3], row[k + 4]) + 1j * row[k + 5] * arm, bent
 
 
 def _arc(angle: float, turn: float, x: float, y: float) -> tuple[float, float, float, float]:
@@ -262,5 +373,11 @@ def _step_to(assembly: Assembly, places: Sequence[_Place], rates: FloatArray, h:
     for body, (position, angle) in zip(assembly.bodies, places, strict=True):
         body.position = position - h * body.velocity
         body.angle = angle - h * body.angular_velocity
+    if assembly.loads is not None:
+        there = {
+            body: Pose(complex(*position), angle, complex(vx, vy), spin)
+            for body, (position, angle), (vx, vy, spin) in zip(assembly.bodies, places, rates.tolist(), strict=True)
+        }
+        assembly.loads.set_forces(there.__getitem__)
     assembly.space.iterations = iterations
     assembly.space.step(h)

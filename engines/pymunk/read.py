@@ -1,34 +1,26 @@
 """Reading the mechanism's motion and forces from Chipmunk's bodies.
 
-Angles, points and energies come from the engine bodies' positions and velocities. Forces come from the bodies' changes
-of momentum in a step, because Chipmunk gives only the magnitude of a joint's impulse: constraint forces are the rates
-of change of momentum and angular momentum, less gravity. A joint of the tree carries all bodies that it supports; the
-forces of joints that close a loop and of active stops are the least-squares solution of G^T lam = r, with the residual
-r of the equations of motion without them:
-
-    r_k = for an angle, the couple on its body beyond gravity and the tree's forces; for a slide, the force along it.
+Angles, points and energies come from the engine bodies' positions and velocities.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.applied_forces import AppliedForces
 from ...models.arrays import ComplexArray, FloatArray
-from ...models.joints import GROUND, SlotJoint
+from ...models.joints import GROUND, AnyJoint, PinJoint
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.spec import Vector
-from ...models.stops import Stop
 from ...models.trajectory import PointMotion
-from ..contact_events import Contacts
-from .build import Assembly, Part
-
-_SINGULAR = 1e-10  # of the largest singular value: constraints more nearly dependent than this share their force evenly
+from .assembly import Assembly, Part
+from .welds import Placement
 
 
 @dataclass(frozen=True)
@@ -49,6 +41,12 @@ class PointState:
     velocity: ComplexArray
     acceleration: ComplexArray
 
+    def __sub__(self, other: PointState) -> PointState:
+        """The vector from another point."""
+        return PointState(
+            self.position - other.position, self.velocity - other.velocity, self.acceleration - other.acceleration
+        )
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -59,6 +57,23 @@ class Frame:
     q: FloatArray
     u: FloatArray
     a: FloatArray
+
+    def welded(self, place: Placement) -> Frame:
+        """The frame of a body that this one carries: the same point is its reference."""
+        reference = (self.reference - place.origin) * np.exp(1j * place.angle)
+        return Frame(reference, self.at, self.q + place.angle, self.u, self.a)
+
+    def world(self, direction: complex) -> ComplexArray:
+        """A direction given in the body's frame."""
+        return direction * np.exp(-1j * self.q)
+
+    def component(self, direction: complex, vector: PointState) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Along a direction of this frame: a vector's component, and its first and second rate."""
+        along = self.world(direction).conjugate()
+        # conj(direction) turns with exp(+i q).
+        rate = vector.velocity + 1j * self.u * vector.position
+        second = vector.acceleration + 2j * self.u * vector.velocity + (1j * self.a - self.u**2) * vector.position
+        return (along * vector.position).real, (along * rate).real, (along * second).real
 
     def point(self, local: complex) -> PointState:
         """A point given in the body's frame [m]."""
@@ -81,8 +96,15 @@ class Reading:
     frames: dict[str, Frame] = field(default_factory=dict[str, Frame])
 
     def __post_init__(self) -> None:
+        rest = np.zeros(self.samples.points.shape[1])
+        origin = np.zeros(rest.shape, dtype=np.complex128)
+        still = PointState(origin, origin, origin)
+        self.frames[GROUND] = Frame(0j, still, rest, rest, rest)
         for i, (name, part) in enumerate(self.assembly.parts.items()):
             self.frames[name] = self._turning(i, part) if part.turns else self._swinging(i, part)
+        for name, place in self.assembly.placements.items():
+            if name not in self.frames:
+                self.frames[name] = self.frames[place.carrier].welded(place)
 
     @property
     def mechanism(self) -> Mechanism:
@@ -91,10 +113,11 @@ class Reading:
 
     def point(self, body: str, local: Vector) -> PointState:
         """A point of a body, or of the ground."""
-        if body != GROUND:
-            return self.frames[body].point(complex(*local))
-        rest = np.zeros(self.samples.points.shape[1], dtype=np.complex128)
-        return PointState(rest + complex(*local), rest, rest)
+        return self.frames[body].point(complex(*local))
+
+    def between(self, joint: AnyJoint) -> PointState:
+        """The vector from a joint's point of the parent to that of the child."""
+        return self.point(joint.child, joint.child_point) - self.point(joint.parent, joint.parent_point)
 
     def _body(self, i: int) -> PointState:
         return PointState(*self.samples.points[:, :, i])
@@ -105,11 +128,13 @@ class Reading:
 
     def _swinging(self, i: int, part: Part) -> Frame:
         """A bob's rod points from its pin to its mass: rod = arm exp(-i q)."""
-        joint = self.mechanism.joint_of(part.name)
+        rigid = self.assembly.rigid
+        joint, (index, _) = rigid.joint_of(part.name), rigid.attitudes[part.name]
+        assert index is not None
         pin, bob = self.point(joint.parent, joint.parent_point), self._body(i)
         rod = bob.position - pin.position
         q = np.unwrap(-np.angle(rod / (part.reference - part.pin)))
-        near = self.mechanism.start[i] if self.near is None else float(self.near[i])
+        near = rigid.start[index] if self.near is None else float(self.near[index])
         turns = round((near - float(q[0])) / (2 * np.pi))
         u = -((bob.velocity - pin.velocity) / rod).imag
         a = -((bob.acceleration - pin.acceleration) / rod).imag
@@ -117,13 +142,18 @@ class Reading:
 
     def coordinates(self) -> tuple[FloatArray, FloatArray]:
         """Coordinates q and speeds u, shape (n, n_q)."""
-        q = [self.frames[body.name].q for body in self.mechanism.bodies]
-        u = [self.frames[body.name].u for body in self.mechanism.bodies]
+        return self._motion[0], self._motion[1]
+
+    @cached_property
+    def _motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """q, u and a, shape (n, n_q)."""
+        turning = [self.frames[body.name] for body in self.mechanism.bodies if body.angle is not None]
+        columns = [(frame.q, frame.u, frame.a) for frame in turning]
         for slide in self.mechanism.slides:
-            pin, along = self.point(slide.joint.child, slide.joint.child_point), slide.direction.conjugate()
-            q.append(((pin.position - complex(*slide.joint.parent_point)) * along).real)
-            u.append((pin.velocity * along).real)
-        return np.stack(q, axis=-1), np.stack(u, axis=-1)
+            frame = self.frames[slide.joint.parent]
+            columns.append(frame.component(slide.direction, self.between(slide.joint)))
+        q, u, a = (np.stack(values, axis=-1) for values in zip(*columns, strict=True))
+        return q, u, a
 
     def markers(self) -> dict[str, PointMotion]:
         """Markers by name."""
@@ -136,37 +166,60 @@ class Reading:
     def energies(self) -> tuple[FloatArray, FloatArray]:
         """Kinetic and potential energy [J], shape (n,)."""
         kinetic, potential = np.zeros((2, self.samples.points.shape[1]))
+        weight = complex(*self.mechanism.gravity_vector)
         for body in self.mechanism.bodies:
             centre = self.point(body.name, body.centre)
             kinetic += 0.5 * (body.mass * np.abs(centre.velocity) ** 2 + body.inertia * self.frames[body.name].u ** 2)
-            potential += body.mass * self.mechanism.gravity * centre.position.imag
+            potential -= body.mass * (centre.position * weight.conjugate()).real
+        if self.mechanism.force_elements:
+            potential += self.applied.potential_energy(self._motion[0])
         return kinetic, potential
+
+    @cached_property
+    def applied(self) -> AppliedForces:
+        """The mechanism's force elements."""
+        return AppliedForces(Kinematics(self.mechanism))
+
+    @cached_property
+    def applied_on_bodies(self) -> dict[str, ComplexArray]:
+        """Resultant force of the force elements on each body that one acts on [N], shape (n,)."""
+        forces = self.applied.on_bodies(*self.coordinates())
+        return {name: force[..., 0] + 1j * force[..., 1] for name, force in forces.items()}
+
+    @cached_property
+    def applied_couples(self) -> FloatArray:
+        """Couple of the force elements about the centres of the bodies that turn with each angle [N m], (n, n_angles).
+
+        Their generalized forces, less those of the same forces at the centres.
+        """
+        kinematics, (q, u) = self.applied.kinematics, self.coordinates()
+        couples, rates = self.applied.generalized(q, u), kinematics.rates(q)
+        for body, centre in zip(self.mechanism.bodies, kinematics.centres, strict=True):
+            if body.name in self.applied_on_bodies:
+                force = self.applied_on_bodies[body.name].conj()[:, None]
+                couples -= (force * kinematics.gradient(centre, q, rates)).real
+        return couples[:, : len(self.mechanism.angles)]
 
     def accelerations(self) -> FloatArray:
         """Second derivatives of the coordinates, shape (n, n_q) [rad/s^2 or m/s^2]."""
-        accelerations = [self.frames[body.name].a for body in self.mechanism.bodies]
-        for slide in self.mechanism.slides:
-            pin = self.point(slide.joint.child, slide.joint.child_point).acceleration
-            accelerations.append((pin * slide.direction.conjugate()).real)
-        return np.stack(accelerations, axis=-1)
+        return self._motion[2]
 
     def gaps(self) -> dict[str, FloatArray]:
         """Constraint drift: distance of a joint's points [m], shape (n,); for a bob, the error of its rod's length."""
-        drifts: dict[str, FloatArray] = {}
-        tree = self.mechanism.tree_joints
-        for joint in self.mechanism.joints:
+        return {joint.name: self._drift(joint) for joint in self.mechanism.joints if joint.held_directions}
+
+    def _drift(self, joint: AnyJoint) -> FloatArray:
+        part, vector = self.assembly.parts.get(joint.child), self.between(joint)
+        if isinstance(joint, PinJoint) and part and not part.turns and joint in self.mechanism.tree_joints:
             parent = self.point(joint.parent, joint.parent_point).position
-            difference = self.point(joint.child, joint.child_point).position - parent
-            if isinstance(joint, SlotJoint):
-                difference = (difference * complex(*joint.axis).conjugate()).imag
-            elif joint in tree and not self.assembly.parts[joint.child].turns:
-                part = self.assembly.parts[joint.child]
-                difference = np.abs(self.frames[joint.child].at.position - parent) - abs(part.reference - part.pin)
-            drifts[joint.name] = np.abs(difference)
-        return drifts
+            return np.abs(np.abs(self.frames[joint.child].at.position - parent) - abs(part.reference - part.pin))
+        if not joint.free_directions:
+            return np.abs(vector.position)
+        (across,) = joint.held_directions
+        return np.abs(self.frames[joint.parent].component(across, vector)[0])
 
 
-def samples_of(states: FloatArray, h: float, leapfrog: bool) -> Samples:
+def samples_of(states: FloatArray, h: float, leapfrog: bool, start: FloatArray | None = None) -> Samples:
     """Samples 0 ... n from rows -1 ... n.
 
     In a leapfrog, the velocity at a sample is the mean of those half a step before and after it: the energy of this
@@ -176,14 +229,26 @@ def samples_of(states: FloatArray, h: float, leapfrog: bool) -> Samples:
         states: shape (n + 2, n_bodies, 6).
         h: the step [s].
         leapfrog: velocities of row k are at (k + 1/2) h, not at k h.
+        start: the rows whose velocities belong to sample 0 instead of those of rows -1 and 0, shape (2, n_bodies, 6).
     """
     share = 0.5 if leapfrog else 1.0
 
-    def with_rates(values: NDArray[Any], rates: NDArray[Any]) -> NDArray[Any]:
-        return np.stack([values[1:], share * rates[1:] + (1 - share) * rates[:-1], (rates[1:] - rates[:-1]) / h])
+    def with_rates(values: NDArray[Any], rates: NDArray[Any], at_start: NDArray[Any] | None) -> NDArray[Any]:
+        before, after = rates[:-1].copy(), rates[1:].copy()
+        if at_start is not None:
+            before[0], after[0] = at_start
+        return np.stack([values[1:], share * after + (1 - share) * before, (after - before) / h])
 
-    points = states[..., 0:4:3] + 1j * states[..., 1:5:3]
-    return Samples(with_rates(points[..., 0], points[..., 1]), with_rates(states[..., 2], states[..., 5]))
+    points, first = _points(states), None if start is None else _points(start)
+    return Samples(
+        with_rates(points[..., 0], points[..., 1], None if first is None else first[..., 1]),
+        with_rates(states[..., 2], states[..., 5], None if start is None else start[..., 5]),
+    )
+
+
+def _points(states: FloatArray) -> ComplexArray:
+    """Positions and velocities, complex, shape (..., 2)."""
+    return states[..., 0:4:3] + 1j * states[..., 1:5:3]
 
 
 def as_vectors(z: ComplexArray) -> FloatArray:
@@ -196,148 +261,3 @@ def reading_of(assembly: Assembly, accelerations: FloatArray | None = None) -> R
     places, rates = np.array([[*body.position, body.angle] for body in assembly.bodies]), assembly.rates
     x, y, angles = np.stack([places, rates, np.zeros_like(rates) if accelerations is None else accelerations]).T
     return Reading(assembly, Samples((x + 1j * y).T[:, None], angles.T[:, None]))
-
-
-@dataclass(frozen=True)
-class Forces:
-    """Forces of joints and stops at the samples."""
-
-    reactions: Mapping[str, ComplexArray]
-    """Force of each joint on its child [N], complex, shape (n,)."""
-    torques: Mapping[str, FloatArray]
-    """Of the active stops [N m, or N for one on a point], shape (n,)."""
-
-
-def forces_of(reading: Reading, active: Contacts) -> Forces:
-    """Forces of all joints and of the active stops."""
-    mechanism, needed = reading.mechanism, _needed(reading)
-    points = [stop for stop in mechanism.point_stops if stop.name in active]
-    if not mechanism.loop_joints and not points:
-        reactions = _tree_reactions(mechanism, needed)
-        return Forces(reactions, _angle_torques(reading, reactions, active))
-    multipliers = _multipliers(reading, needed, active)
-    loops = _loop_forces(mechanism, multipliers)
-    torques = dict(zip(active, multipliers.T[multipliers.shape[1] - len(active) :], strict=True))
-    for joint in mechanism.loop_joints:
-        _act(needed, joint.child, -loops[joint.name])
-        _act(needed, joint.parent, loops[joint.name])
-    for stop in points:
-        _act(needed, stop.body, -complex(*stop.normal) * torques[stop.name])
-    return Forces(_tree_reactions(mechanism, needed) | loops, torques)
-
-
-def _needed(reading: Reading) -> dict[str, ComplexArray]:
-    """Force that each body's momentum needs beyond gravity [N]."""
-    mechanism, needed = reading.mechanism, dict[str, ComplexArray]()
-    for body in mechanism.bodies:
-        centre = reading.point(body.name, body.centre)
-        needed[body.name] = body.mass * (centre.acceleration + 1j * mechanism.gravity)
-    return needed
-
-
-def _act(needed: dict[str, ComplexArray], body: str, force: ComplexArray) -> None:
-    if body != GROUND:
-        needed[body] = needed[body] + force
-
-
-def _tree_reactions(mechanism: Mechanism, needed: Mapping[str, ComplexArray]) -> dict[str, ComplexArray]:
-    forces: dict[str, ComplexArray] = {}
-    for joint in mechanism.tree_joints:
-        force = np.zeros_like(needed[joint.child])
-        for body in mechanism.subtree(joint.child):
-            force += needed[body.name]
-        forces[joint.name] = force
-    return forces
-
-
-def _angle_torques(reading: Reading, reactions: Mapping[str, ComplexArray], active: Contacts) -> dict[str, FloatArray]:
-    """Torques of active stops on angles, if all joints are of the tree."""
-    if not active:
-        return {}
-    by_name = {stop.name: stop for stop in reading.mechanism.angle_stops}
-    stops = [by_name[name] for name in active]
-    outer = sorted({_outer(reading.mechanism, stop) for stop in stops})
-    names = [body.name for body in reading.mechanism.bodies]
-    couples = [_couple(reading, names[i], reactions) for i in outer]
-    rows = np.array([[_share(stop, names[i]) for i in outer] for stop in stops])
-    # The large forces nearer to the ground do not enter the equation of a stop's outer body.
-    solved = np.linalg.lstsq(rows.T, np.array(couples), rcond=None)[0]
-    return dict(zip(active, solved, strict=True))
-
-
-def _outer(mechanism: Mechanism, stop: Stop) -> int:
-    names = [body.name for body in mechanism.bodies]
-    return max(names.index(name) for name in (stop.body, stop.relative_to) if name != GROUND)
-
-
-def _share(stop: Stop, body: str) -> float:
-    """Derivative of the stop's gap by the body's angle."""
-    return float(stop.sense * ((body == stop.body) - (body == stop.relative_to)))
-
-
-def _couple(reading: Reading, name: str, reactions: Mapping[str, ComplexArray]) -> FloatArray:
-    """Clockwise couple that acts on a body besides gravity and the tree's forces [N m]."""
-    body, frame = reading.mechanism.body(name), reading.frames[name]
-    centre = reading.point(name, body.centre).position
-    couple = body.inertia * frame.a
-    for joint in reading.mechanism.tree_joints:
-        if joint.child == name:
-            couple = couple + _cross(reading.point(name, joint.child_point).position - centre, reactions[joint.name])
-        elif joint.parent == name:
-            couple = couple - _cross(reading.point(name, joint.parent_point).position - centre, reactions[joint.name])
-    return couple
-
-
-def _multipliers(reading: Reading, needed: Mapping[str, ComplexArray], active: Contacts) -> FloatArray:
-    """Multipliers of the loop joints, component by component, then of the active stops; shape (n, n_constraints).
-
-    Errors of r are those of accelerations times the mass matrix M, so the inverse of M is their weight: the equation of
-    a light body determines a small force better than that of a heavy one nearer to the ground.
-    """
-    kinematics = Kinematics(reading.mechanism)
-    q = reading.coordinates()[0]
-    rows = _rows(kinematics, q, active)
-    root = np.linalg.cholesky(_mass_matrix(kinematics, q))
-    columns = np.linalg.solve(root, np.swapaxes(rows, 1, 2))
-    missing = np.linalg.solve(root, _missing(reading, needed)[..., None])
-    return np.asarray((np.linalg.pinv(columns, rcond=_SINGULAR) @ missing)[..., 0], dtype=np.float64)
-
-
-def _missing(reading: Reading, needed: Mapping[str, ComplexArray]) -> FloatArray:
-    """r, shape (n, n_q): the generalized forces that no joint of the tree exerts [N m or N]."""
-    mechanism = reading.mechanism
-    reactions = _tree_reactions(mechanism, needed)
-    couples = [_couple(reading, body.name, reactions) for body in mechanism.bodies]
-    along = [(reactions[slide.joint.name] * slide.direction.conjugate()).real for slide in mechanism.slides]
-    return np.stack([*couples, *along], axis=-1)
-
-
-def _rows(kinematics: Kinematics, q: FloatArray, active: Contacts) -> FloatArray:
-    """G: Jacobian of the loop joints' gaps and of the active stops', shape (n, n_constraints, n_q)."""
-    rows = list(np.moveaxis(kinematics.loop_jacobian(q), -2, 0))
-    rows += [kinematics.gap_jacobian(name, q) for name in active]
-    return np.stack(rows, axis=-2)
-
-
-def _mass_matrix(kinematics: Kinematics, q: FloatArray) -> FloatArray:
-    """M(q), shape (n, n_q, n_q)."""
-    jacobian = kinematics.centres * kinematics.rates(q)[:, None, :]
-    products = (np.swapaxes(jacobian.conj(), 1, 2) * kinematics.masses) @ jacobian
-    return products.real + np.diag(kinematics.inertias)
-
-
-def _loop_forces(mechanism: Mechanism, multipliers: FloatArray) -> dict[str, ComplexArray]:
-    """Force of each loop joint on its child [N]."""
-    forces: dict[str, ComplexArray] = {}
-    columns = iter(multipliers.T)
-    for joint in mechanism.loop_joints:
-        if isinstance(joint, SlotJoint):
-            forces[joint.name] = next(columns) * (1j * complex(*joint.axis))
-        else:
-            forces[joint.name] = next(columns) + 1j * next(columns)
-    return forces
-
-
-def _cross(arm: ComplexArray, force: ComplexArray) -> FloatArray:
-    """Moment, counter-clockwise."""
-    return (arm.conjugate() * force).imag

@@ -16,7 +16,8 @@ from ..protocol import Recording
 from .build import build
 from .leapfrog import Stepper
 from .options import PymunkOptions
-from .read import Reading, as_vectors, forces_of, samples_of
+from .reactions import forces_of
+from .read import Reading, as_vectors
 
 _TRIAL_ITERATIONS = 5_000  # which stops push depends on the mechanism, not on the preset
 _ROUNDING = 1e-9  # of the largest torque: error of a torque that is zero
@@ -34,7 +35,7 @@ def _violated(mechanism: Mechanism, active: Contacts, touching: Contacts, h: flo
     assembly = build(mechanism, active, 0.0, pivot_mass)
     stepper = Stepper(assembly, h, hold_lengths=True)
     stepper.start(_TRIAL_ITERATIONS, leapfrog=True)
-    reading = Reading(assembly, samples_of(stepper.states(0), h, leapfrog=True))
+    reading = Reading(assembly, stepper.samples(0))
     torques = {name: float(torque[0]) for name, torque in forces_of(reading, tuple(assembly.stops)).torques.items()}
     least = -_ROUNDING * max(map(abs, torques.values()), default=0.0)
     kinematics, (q, u), a = Kinematics(mechanism), initial_state(mechanism), reading.accelerations()[0]
@@ -94,8 +95,7 @@ class Segment:
             return
         first = max(min(max(self.regimes[-1][0], k - 2), k - 1), 0)
         active = tuple(self.assembly.stops)
-        states = self.stepper.states(first)
-        reading = Reading(self.assembly, samples_of(states, self.h, self.options.leapfrog))
+        reading = Reading(self.assembly, self.stepper.samples(first))
         torques = forces_of(reading, active).torques
         find = _foreseen if self.options.locate_releases else _noticed
         steps_to_zero = {name: find(torque) for name, torque in torques.items()}
@@ -122,9 +122,7 @@ class Segment:
 
     def reading(self, first: int, last: int, near: FloatArray | None = None) -> Reading:
         """Samples from one to another, both included; coordinates of the first one are near those given."""
-        states = self.stepper.states(first)
-        samples = samples_of(states[: last - first + 2], self.h, self.options.leapfrog)
-        return Reading(self.assembly, samples, near)
+        return Reading(self.assembly, self.stepper.samples(first, last), near)
 
     def active_at(self, k: int) -> Contacts:
         """Stops that are active at a sample."""
@@ -154,13 +152,14 @@ class Segment:
 
     def _forces(self, reading: Reading, t: FloatArray) -> tuple[dict[str, ComplexArray], dict[str, FloatArray]]:
         """Reactions of the joints and torques of the stops; they depend on which stops are active."""
-        reactions = {joint.name: np.zeros(len(t), dtype=np.complex128) for joint in reading.mechanism.joints}
+        joints = [joint.name for joint in reading.mechanism.joints if joint.held_directions]
+        reactions = {name: np.zeros(len(t), dtype=np.complex128) for name in joints}
         torques = {stop.name: np.zeros(len(t)) for stop in reading.mechanism.stops}
         ends = [first for first, _ in self.regimes[1:]] + [len(t)]
         for (first, active), end in zip(self.regimes, ends, strict=True):
             forces = forces_of(reading, active)
-            for name, force in forces.reactions.items():
-                reactions[name][first:end] = force[first:end]
+            for name in joints:
+                reactions[name][first:end] = forces.reactions[name][first:end]
             for name, torque in forces.torques.items():
                 torques[name][first:end] = np.maximum(torque[first:end], 0.0)
         return reactions, torques

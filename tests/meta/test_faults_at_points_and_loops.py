@@ -34,7 +34,7 @@ def _still_foot(monkeypatch: pytest.MonkeyPatch) -> None:
     """pymunk's wall is a rod, whose foot then stays where it was."""
     from trebucheck.engines.pymunk import leapfrog
 
-    monkeypatch.setattr(leapfrog._CorrectedRod, "move_anchor", lambda *_: None)
+    monkeypatch.setattr(leapfrog._SlidingRod, "move_anchor", lambda *_: None)
 
 
 def _body_frame(monkeypatch: pytest.MonkeyPatch) -> None:
