@@ -1,7 +1,7 @@
 """The unilateral constraints of a built model besides its joints, as MuJoCo's constraint rows.
 
-A stop is a limit of a joint or tendon, or a contact of a point's sphere with a plane; a slot that closes a loop is two
-such contacts.
+A stop is a limit of a joint or tendon, or a contact of a point's sphere with a plane, or with a box on a body that
+moves; a slot that closes a loop is two such contacts.
 """
 
 from __future__ import annotations
@@ -89,12 +89,12 @@ class Limit:
 
 @dataclass(frozen=True)
 class PointContact:
-    """A frictionless contact of a sphere with a plane: a stop on a point, or one side of a slot; as :class:`Limit`."""
+    """A frictionless contact of a sphere with a wall: a stop on a point, or one side of a slot; as :class:`Limit`."""
 
     index: int
     """Of the pair of geoms."""
     geoms: tuple[int, int]
-    """Plane and sphere."""
+    """Wall and sphere, in MuJoCo's order: a plane before the sphere, the sphere before a box."""
     margin: float
     """Of the pair, before anything was removed [m]."""
 
@@ -113,10 +113,12 @@ class PointContact:
         return row if row >= 0 else None
 
     def gap(self, model: Any, data: Any) -> float:
-        """Distance of the sphere from the plane [m]."""
-        plane, sphere = self.geoms
-        normal = data.geom_xmat[plane].reshape(3, 3)[:, 2]
-        return float((data.geom_xpos[sphere] - data.geom_xpos[plane]) @ normal - model.geom_size[sphere, 0])
+        """Distance of the sphere from the wall [m]."""
+        wall, sphere = sorted(self.geoms, key=lambda geom: model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_SPHERE)
+        thickness = 0.0 if model.geom_type[wall] == mujoco.mjtGeom.mjGEOM_PLANE else model.geom_size[wall, 2]
+        normal = data.geom_xmat[wall].reshape(3, 3)[:, 2]
+        apart = (data.geom_xpos[sphere] - data.geom_xpos[wall]) @ normal
+        return float(apart - thickness - model.geom_size[sphere, 0])
 
     def activate(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection) -> None:
         """As :meth:`deactivate`: its margin is wide enough."""

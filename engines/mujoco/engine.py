@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
+from ...models.features import Feature
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
@@ -49,6 +50,7 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
         formulation="minimal relative joints, stops and loops as soft limits, contacts and equalities "
         "(convex optimisation), RK4; "
         "releases and impacts located inside a step (stock: releases at its end, limits never removed, impacts soft)",
+        features=frozenset(Feature),
     )
     # The documentation sends those who want energy conserved to RK4; the rest are its defaults.
     stock_options: ClassVar[Mapping[str, object]] = {

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.mechanism import Mechanism
+from ...models.joints import GROUND
+from ...models.mechanism import Mechanism, Slide
 from ..inspection import Dynamics, Inspection, State
 from .build import load, start_data
 from .constraints import UnilateralConstraint, slot_contacts, stop_constraints
@@ -75,22 +76,27 @@ class _Built:
         """The keyframe's q and u: absolute angles of the bodies, with the full turns of the mechanism's start."""
         data = start_data(self.model)
         mujoco.mj_kinematics(self.model, data)
-        q = [self._angle(data, body.name) for body in self.mechanism.bodies]
-        for slide in self.mechanism.slides:
-            apart = self._joint_position(data, slide.joint.child) - slide.joint.parent_point
-            q.append(float((complex(*apart) * slide.direction.conjugate()).real))
+        n = len(self.mechanism.angles)
+        q = [self._angle(data, body.name) for body in self.mechanism.bodies if body.angle is not None]
+        q += [self._slide(data, slide) for slide in self.mechanism.slides]
         turns = np.round((np.array(self.mechanism.start) - q) / (2 * np.pi))
-        turns[len(self.mechanism.bodies) :] = 0.0
+        turns[n:] = 0.0
         return np.array(q) + 2 * np.pi * turns, self.sums @ data.qvel
+
+    def _slide(self, data: Any, slide: Slide) -> float:
+        """By how much a body's joint is along its line from the point where the slide is zero [m]."""
+        joint, ground = slide.joint, slide.joint.parent == GROUND
+        # MuJoCo's frames have their joint as origin.
+        origin = (0.0, 0.0) if ground else self.mechanism.joint_of(joint.parent).child_point
+        parent = data.body("world" if ground else joint.parent)
+        turned = parent.xmat.reshape(3, 3)[np.ix_(IN_PLANE, IN_PLANE)]
+        place = (data.body(joint.child).xpos - parent.xpos)[IN_PLANE] @ turned + origin
+        return float((complex(*(place - joint.parent_point)) * slide.direction.conjugate()).real)
 
     def _angle(self, data: Any, body: str) -> float:
         """A body's absolute angle, positive clockwise: its x axis is (cos q, -sin q) in the plane."""
         x, y = data.body(body).xmat.reshape(3, 3)[IN_PLANE, 0]
         return float(np.arctan2(-y, x))
-
-    def _joint_position(self, data: Any, body: str) -> FloatArray:
-        """Position of a body's joint, which is its frame's origin [m]."""
-        return np.asarray(data.body(body).xpos[IN_PLANE])
 
     def dynamics(self, state: State) -> Dynamics:
         """The model in a state."""

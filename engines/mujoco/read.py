@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.joints import AnyJoint
+from ...models.force_elements import ConstantForce
+from ...models.joints import GROUND, AnyJoint
+from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
+from ...models.mjcf.tree import hinge_chain, slide_joints
 from ...models.mjcf.writer import (
     KINETIC_ENERGY,
     POTENTIAL_ENERGY,
     force_sensor,
-    hinge_chain,
     position_sensor,
-    slide_joint,
     torque_sensor,
     velocity_sensor,
 )
@@ -89,16 +90,35 @@ class _Reader:
         """Forces on the children in the world frame [N]: MuJoCo gives those of the tree in the child's frame.
 
         A joint that closes a loop is on a massless welded body; MuJoCo's sensor gives the force on that body from the
-        body it is welded to, the opposite of the joint's.
+        body it is welded to, the opposite of the joint's. Of the tree's joints it gives what the bodies beyond them
+        need besides the forces of gravity, contacts and springs; those of actuators are not taken off.
         """
-        angles = {body.name: q[:, i] for i, body in enumerate(self.mechanism.bodies)}
-        tree = {joint.name: self._in_world(joint, angles) for joint in self.mechanism.tree_joints}
-        return tree | {joint.name: -self._in_world(joint, angles) for joint in self.mechanism.loop_joints}
+        kinematics, constant = Kinematics(self.mechanism), self._constant_forces()
+        tree = {
+            joint.name: self._in_world(joint, kinematics, q) - constant.get(joint.name, 0.0)
+            for joint in self.mechanism.tree_joints
+            if joint.held_directions
+        }
+        return tree | {joint.name: -self._in_world(joint, kinematics, q) for joint in self.mechanism.loop_joints}
 
-    def _in_world(self, joint: AnyJoint, angles: Mapping[str, FloatArray]) -> FloatArray:
+    def _constant_forces(self) -> dict[str, FloatArray]:
+        """Sum of the constant forces on all bodies beyond a joint of the tree [N], shape (2,)."""
+        sums: dict[str, FloatArray] = {}
+        for element in self.mechanism.force_elements:
+            if not isinstance(element, ConstantForce):
+                continue
+            body = element.body
+            while body != GROUND:
+                joint = self.mechanism.joint_of(body)
+                sums[joint.name] = sums.get(joint.name, np.zeros(2)) + element.force
+                body = joint.parent
+        return sums
+
+    def _in_world(self, joint: AnyJoint, kinematics: Kinematics, q: FloatArray) -> FloatArray:
         """A force sensor's values in the world frame, shape (n, 2)."""
         a, b = self.sensor(force_sensor(joint.name))[:, IN_PLANE].T
-        cos, sin = np.cos(angles[joint.child]), np.sin(angles[joint.child])
+        angle = kinematics.angle(joint.child).value(q)
+        cos, sin = np.cos(angle), np.sin(angle)
         return np.stack([a * cos + b * sin, b * cos - a * sin], axis=1)
 
 
@@ -134,9 +154,11 @@ def recording(
 def absolute_from_relative(mechanism: Mechanism, model: Any) -> FloatArray:
     """C with q = start + C qpos and u = C qvel: an absolute angle is a sum of hinges; shape (n_q, n_v)."""
     matrix = np.zeros((len(mechanism.coordinates), int(model.nv)))
-    for i, body in enumerate(mechanism.bodies):
-        for joint in hinge_chain(mechanism, body.name):
+    turning = [body.name for body in mechanism.bodies if body.angle is not None]
+    for i, body in enumerate(turning):
+        for joint in hinge_chain(mechanism, body):
             matrix[i, model.joint(joint).dofadr[0]] = 1.0
-    for i, slide in enumerate(mechanism.slides, start=len(mechanism.bodies)):
-        matrix[i, model.joint(slide_joint(slide.joint.name)).dofadr[0]] = 1.0
+    slides = [name for joint in mechanism.tree_joints for name in slide_joints(joint)]
+    for i, name in enumerate(slides, start=len(turning)):
+        matrix[i, model.joint(name).dofadr[0]] = 1.0
     return matrix

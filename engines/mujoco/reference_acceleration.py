@@ -106,28 +106,22 @@ class ReferenceAccelerationCorrection:
         return 4 if self.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4 else 1
 
     def _correct_contacts(self, model: Any, data: Any) -> None:
-        velocity_terms: dict[int, FloatArray] = {}
         pairs = zip(data.contact.efc_address.tolist(), data.contact.geom.tolist(), strict=True)
-        for i, (row, (plane, sphere)) in enumerate(pairs):
+        for i, (row, (one, other)) in enumerate(pairs):
             if row < 0:
                 continue
             reference = float(data.efc_aref[row])
             if self.velocity_term:
-                if sphere not in velocity_terms:
-                    # Of the sphere's centre, not the point of contact: its gap does not depend on its rotation.
-                    velocity_terms[sphere] = _velocity_term(
-                        model, data, data.geom_xpos[sphere], model.geom_bodyid[sphere]
-                    )
-                feedback = self._feedback.setdefault((plane, sphere), _feedback(data, row))
-                reference = feedback - data.contact.frame[i, :3] @ velocity_terms[sphere]
-            if (plane, sphere) in self.contacts:
+                feedback = self._feedback.setdefault((one, other), _feedback(data, row))
+                reference = feedback - _contact_velocity_term(model, data, i)
+            if (one, other) in self.contacts:
                 stiffness, _, impedance, _ = data.efc_KBIP[row]
-                reference += self.contacts[plane, sphere] - stiffness * impedance * data.efc_margin[row]
+                reference += self.contacts[one, other] - stiffness * impedance * data.efc_margin[row]
             data.efc_aref[row] = reference
 
 
 def equality_rows(data: Any, index: int) -> NDArray[np.intp]:
-    """The three rows of an equality constraint; none where they are zero."""
+    """The rows of an equality constraint, three of a `connect`; none where they are zero."""
     kind = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
     return np.flatnonzero((data.efc_type == kind) & (data.efc_id == index))
 
@@ -145,7 +139,36 @@ def _velocity_term(model: Any, data: Any, point: FloatArray, body: int) -> Float
     return rate @ data.qvel
 
 
-def _equality_velocity_term(model: Any, data: Any, index: int) -> FloatArray:
+def _equality_velocity_term(model: Any, data: Any, index: int) -> FloatArray | float:
+    if model.eq_type[index] == mujoco.mjtEq.mjEQ_TENDON:  # of hinges: its Jacobian is constant
+        return 0.0
     sites = model.eq_obj1id[index], model.eq_obj2id[index]
     one, other = (_velocity_term(model, data, data.site_xpos[site], model.site_bodyid[site]) for site in sites)
     return one - other
+
+
+def _contact_velocity_term(model: Any, data: Any, index: int) -> float:
+    """The same of the gap of a contact of a sphere with a wall.
+
+    It is that of the sphere's centre, not of the point of contact, for the gap does not depend on the sphere's
+    rotation. Seen from a wall that turns with w it is that of the centre, less that of the wall's point there, less
+    2 w x v of the centre's velocity relative to the wall.
+    """
+    one, other = data.contact.geom[index].tolist()
+    is_sphere = model.geom_type[one] == mujoco.mjtGeom.mjGEOM_SPHERE
+    sphere, wall, sign = (one, other, -1.0) if is_sphere else (other, one, 1.0)
+    centre, body, holder = data.geom_xpos[sphere], model.geom_bodyid[sphere], model.geom_bodyid[wall]
+    acceleration = _velocity_term(model, data, centre, body)
+    if model.body_weldid[holder] != 0:
+        velocity, _ = _motion(model, data, centre, body)
+        of_wall, turning = _motion(model, data, centre, holder)
+        acceleration = acceleration - _velocity_term(model, data, centre, holder)
+        acceleration -= 2 * np.cross(turning, velocity - of_wall)
+    return float(sign * (data.contact.frame[index, :3] @ acceleration))
+
+
+def _motion(model: Any, data: Any, point: FloatArray, body: int) -> tuple[FloatArray, FloatArray]:
+    """Velocity of a body's point [m/s] and the body's angular velocity [rad/s], each of shape (3,)."""
+    along, about = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    mujoco.mj_jac(model, data, along, about, point, body)
+    return along @ data.qvel, about @ data.qvel

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 
-from ..joints import AnyJoint, SlotJoint
+from ..joints import AnyJoint
 from ..kinematics import Kinematics
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
@@ -58,10 +58,13 @@ def add_shapes(mechanism: Mechanism, element: ET.Element, body: Body, origin: Ve
 
 
 def add_stand(mechanism: Mechanism, world: ET.Element, joint: AnyJoint) -> None:
-    """Two legs under a pin, or a rail on posts through a slot."""
+    """Two legs under a pin, or a rail on posts through a slot; nothing where nothing is held."""
+    if not joint.held_directions:
+        return
     reach, foot, (x, z) = reach_of(mechanism), -_floor_depth(mechanism), joint.parent_point
-    if isinstance(joint, SlotJoint):
-        a, b = (round(0.6 * reach * component, 3) for component in joint.axis)
+    if joint.free_directions:
+        (axis,) = joint.free_directions
+        a, b = (round(0.6 * reach * component, 3) for component in (axis.real, axis.imag))
         ends = ((x - a, z - b), (x + a, z + b))
         rods = [(*ends[0], *ends[1]), *((*end, end[0], foot) for end in ends)]
     else:

@@ -18,14 +18,16 @@ from pathlib import Path
 
 from ..errors import InputError, UnsupportedProblemError
 from ..files import write_text
-from ..joints import GROUND, AnyJoint, SlotJoint
+from ..joints import GROUND, AnyJoint
 from ..kinematics import initial_state
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
 from ..stops import PointStop, Stop
 from .appearance import MODEL_FILE, add_shapes, add_stand, reach_of, scene
+from .forces import Forces
 from .points import Points, force_sensor, torque_sensor
 from .text import as_text, from_origin, number, numbers, spatial
+from .tree import add_angle_tendon, hinge_weights, slide_joints, start_angles
 
 SCENE_FILE = "scene.xml"
 START_KEY = "start"
@@ -42,11 +44,6 @@ POINT_INERTIA = 2e-15
 
 It counts relative to m r^2: 1e-6 costs 1.6e-8 m on Table I, 1e-12 shows in the model of a machine of a few grams.
 """
-
-
-def slide_joint(joint: str) -> str:
-    """Name of the sliding half of a slot joint; its turning half has the slot's own name."""
-    return f"{joint}/slide"
 
 
 def position_sensor(marker: str) -> str:
@@ -68,7 +65,7 @@ def mjcf(mechanism: Mechanism, timestep: float = 1e-3) -> str:
 
     Raises:
         InputError: the time step is not positive and finite.
-        UnsupportedProblemError: a stop holds a body against itself, or a point of the ground.
+        UnsupportedProblemError: a stop holds a body against itself, or a point of the ground against the ground.
     """
     if not (math.isfinite(timestep) and timestep > 0):
         raise InputError(f"timestep = {timestep!r} s must be positive and finite.")
@@ -96,14 +93,6 @@ def write_model_folder(mechanism: Mechanism, folder: str | Path, timestep: float
     return Path(folder) / MODEL_FILE, Path(folder) / SCENE_FILE
 
 
-def hinge_chain(mechanism: Mechanism, body: str) -> tuple[str, ...]:
-    """Joints from the ground to a body: the body's absolute angle is the sum of their hinges and the start."""
-    if body == GROUND:
-        return ()
-    joint = mechanism.joint_of(body)
-    return (*hinge_chain(mechanism, joint.parent), joint.name)
-
-
 class _Writer:
     """One model's elements."""
 
@@ -111,11 +100,11 @@ class _Writer:
         self.mechanism = mechanism
         self.timestep = timestep
         start, speeds = (values.tolist() for values in initial_state(mechanism))
-        self.angle, self.speed = _by_name(mechanism, start), _by_name(mechanism, speeds)
+        self.angle, self.speed = start_angles(mechanism), _angle_speeds(mechanism, speeds)
         self.slide = dict(zip(mechanism.coordinates, start, strict=True))
         self.slide_speed = dict(zip(mechanism.coordinates, speeds, strict=True))
         self.ranges: dict[str, list[float]] = {}
-        self.points = Points(mechanism)
+        self.points, self.forces = Points(mechanism), Forces(mechanism)
         self.on_tendon = tuple(stop for stop in mechanism.angle_stops if not self._fits_its_joint(stop))
 
     def root(self) -> ET.Element:
@@ -124,14 +113,15 @@ class _Writer:
         root.append(ET.Comment(" Written by trebucheck.models.mjcf_writer; see README.md for signs and stops. "))
         ET.SubElement(root, "compiler", angle="radian", autolimits="false")
         option = ET.SubElement(root, "option", timestep=number(self.timestep), integrator="RK4", tolerance="1e-30")
-        option.set("gravity", numbers(0, 0, -self.mechanism.gravity))
+        option.set("gravity", spatial(self.mechanism.gravity_vector))
         if not self.points.walls:
             ET.SubElement(option, "flag", contact="disable")
         self._add_defaults(ET.SubElement(root, "default"))
         self._add_world(ET.SubElement(root, "worldbody"))
         self.points.add_constraints(root, self.timestep)
-        if self.on_tendon:
+        if self.on_tendon or self.points.turned or self.forces.needs_tendons:
             self._add_tendons(ET.SubElement(root, "tendon"))
+        self.forces.add_actuators(root)
         self._add_sensors(ET.SubElement(root, "sensor"))
         keyframe = ET.SubElement(root, "keyframe")
         start = list(self._start_speeds(GROUND))
@@ -152,6 +142,8 @@ class _Writer:
         if stop.body == GROUND:
             return False
         joint = self.mechanism.joint_of(stop.body)
+        if joint.holds_angle:
+            return False
         low, high = self._range(stop)
         taken = self.ranges.get(joint.name, [-FAR, FAR])
         end = 0 if stop.sense > 0 else 1
@@ -166,9 +158,9 @@ class _Writer:
         """Joint speeds in MuJoCo's order: depth first, slides before hinges."""
         for body in self.mechanism.children(parent):
             joint = self.mechanism.joint_of(body.name)
-            if isinstance(joint, SlotJoint) and joint.coordinate is not None:
-                yield self.slide_speed[joint.coordinate]
-            yield self.speed[body.name] - self.speed[parent]
+            yield from (self.slide_speed[name] for name in joint.slides)
+            if not joint.holds_angle:
+                yield self.speed[body.name] - self.speed[parent]
             yield from self._start_speeds(body.name)
 
     def _add_defaults(self, default: ET.Element) -> None:
@@ -186,14 +178,14 @@ class _Writer:
         for joint in (*self.mechanism.tree_joints, *self.mechanism.loop_joints):
             if joint.parent == GROUND:
                 add_stand(self.mechanism, world, joint)
-        self.points.add_walls(world)
+        self.points.add_ground(world)
         self._add_sites(world, GROUND, (0.0, 0.0))
         for body in self.mechanism.children(GROUND):
             self._add_body(world, body)
 
     def _add_body(self, parent: ET.Element, body: Body) -> None:
         joint = self.mechanism.joint_of(body.name)
-        turn = self.angle[body.name] - self.angle[joint.parent]
+        turn = self._turn(joint)
         element = ET.SubElement(parent, "body", name=body.name, pos=self._origin(joint), euler=numbers(0, turn, 0))
         inertia = max(body.inertia, POINT_INERTIA)
         ET.SubElement(
@@ -208,20 +200,26 @@ class _Writer:
         for child in self.mechanism.children(body.name):
             self._add_body(element, child)
 
+    def _turn(self, joint: AnyJoint) -> float:
+        """Angle of a joint's child less that of its parent at the start [rad]."""
+        return self.angle[joint.child] - self.angle[joint.parent] if joint.turned_by is None else joint.turned_by
+
     def _origin(self, joint: AnyJoint) -> str:
         """Origin of a body's frame in its parent's frame at the start; MuJoCo's frames have their joint as origin."""
-        if isinstance(joint, SlotJoint) and joint.coordinate is not None:
-            s = self.slide[joint.coordinate]
-            return spatial((joint.parent_point[0] + s * joint.axis[0], joint.parent_point[1] + s * joint.axis[1]))
+        x, y = joint.parent_point
+        for name, direction in zip(joint.slides, joint.free_directions, strict=True):
+            x, y = x + self.slide[name] * direction.real, y + self.slide[name] * direction.imag
         if joint.parent == GROUND:
-            return spatial(joint.parent_point)
-        return from_origin(self.mechanism.joint_of(joint.parent).child_point, joint.parent_point)
+            return spatial((x, y))
+        return from_origin(self.mechanism.joint_of(joint.parent).child_point, (x, y))
 
     def _add_joints(self, element: ET.Element, joint: AnyJoint) -> None:
-        if isinstance(joint, SlotJoint):
+        for name, direction in zip(slide_joints(joint), joint.free_directions, strict=True):
             # MuJoCo takes an axis in the child's frame as it stands at the start.
-            axis = _turned_back(joint.axis, self.angle[joint.child])
-            ET.SubElement(element, "joint", name=slide_joint(joint.name), type="slide", axis=spatial(axis))
+            axis = _turned_back((direction.real, direction.imag), self._turn(joint))
+            ET.SubElement(element, "joint", name=name, type="slide", axis=spatial(axis))
+        if joint.holds_angle:
+            return
         hinge = ET.SubElement(element, "joint", name=joint.name, type="hinge")
         if joint.name in self.ranges:
             hinge.set("limited", "true")
@@ -231,17 +229,17 @@ class _Writer:
         for marker in self.mechanism.markers:
             if marker.body == body:
                 ET.SubElement(element, "site", name=marker.name, pos=from_origin(origin, marker.point))
+        self.forces.add_sites(element, body, origin)
 
     def _add_tendons(self, tendon: ET.Element) -> None:
         """Stops that no joint's range can be: a limit on the sum of the hinges between the two bodies."""
         for stop in self.on_tendon:
-            up, down = (hinge_chain(self.mechanism, body) for body in (stop.body, stop.relative_to))
-            weights = {name: 1 for name in up if name not in down} | {name: -1 for name in down if name not in up}
-            if not weights:
+            if not hinge_weights(self.mechanism, *stop.bodies):
                 raise UnsupportedProblemError(f"stop {stop.name!r} holds {stop.body!r} against itself.")
-            fixed = ET.SubElement(tendon, "fixed", name=stop.name, limited="true", range=numbers(*self._range(stop)))
-            for name, weight in weights.items():
-                ET.SubElement(fixed, "joint", joint=name, coef=str(weight))
+            limits = numbers(*self._range(stop))
+            add_angle_tendon(tendon, self.mechanism, stop.bodies, name=stop.name, limited="true", range=limits)
+        self.points.add_tendons(tendon)
+        self.forces.add_tendons(tendon)
 
     def _add_sensors(self, sensor: ET.Element) -> None:
         for stop in self.mechanism.stops:
@@ -253,7 +251,8 @@ class _Writer:
                 joint = self.mechanism.joint_of(stop.body).name
                 ET.SubElement(sensor, "jointlimitfrc", name=torque_sensor(stop.name), joint=joint)
         for joint in self.mechanism.tree_joints:
-            ET.SubElement(sensor, "force", name=force_sensor(joint.name), site=f"{joint.name}/joint")
+            if joint.held_directions:
+                ET.SubElement(sensor, "force", name=force_sensor(joint.name), site=f"{joint.name}/joint")
         self.points.add_force_sensors(sensor)
         for marker in self.mechanism.markers:
             of = {"objtype": "site", "objname": marker.name}
@@ -263,12 +262,12 @@ class _Writer:
         ET.SubElement(sensor, "e_potential", name=POTENTIAL_ENERGY)
 
 
-def _by_name(mechanism: Mechanism, values: Sequence[float]) -> dict[str, float]:
-    """Angles (or their speeds) by the bodies' names, the ground's being zero."""
-    return {body.name: values[i] for i, body in enumerate(mechanism.bodies)} | {GROUND: 0.0}
+def _angle_speeds(mechanism: Mechanism, speeds: Sequence[float]) -> dict[str, float]:
+    """Angular speeds of the bodies and the ground at the start [rad/s], by name."""
+    return {name: 0.0 if index is None else speeds[index] for name, (index, _) in mechanism.attitudes.items()}
 
 
 def _turned_back(vector: Vector, angle: float) -> Vector:
-    """A world direction in the frame of a body at an angle (positive clockwise)."""
+    """A direction of a frame in one that is turned by an angle (positive clockwise)."""
     c, s = math.cos(angle), math.sin(angle)
     return (c * vector[0] - s * vector[1], s * vector[0] + c * vector[1])

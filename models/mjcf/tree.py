@@ -1,0 +1,70 @@
+"""The tree of a mechanism in MJCF: names of its hinges and slides, and tendons that measure angles by hinges.
+
+A body turns and slides relative to its parent by as many MuJoCo joints as its joint leaves free: slides first, for the
+directions of their axes turn with the parent and not with the child.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+from ..joints import GROUND, AnyJoint, FreeJoint
+from ..mechanism import Mechanism
+
+
+def slide_joints(joint: AnyJoint) -> tuple[str, ...]:
+    """Names of the sliding parts of a joint of the tree; its turning part has the joint's own name."""
+    if isinstance(joint, FreeJoint):
+        return f"{joint.name}/x", f"{joint.name}/y"
+    return (f"{joint.name}/slide",) if joint.slides else ()
+
+
+def hinge_chain(mechanism: Mechanism, body: str) -> tuple[str, ...]:
+    """Joints with a hinge from the ground to a body: its angle is the sum of these hinges and that at the start."""
+    if body == GROUND:
+        return ()
+    joint = mechanism.joint_of(body)
+    inner = hinge_chain(mechanism, joint.parent)
+    return inner if joint.holds_angle else (*inner, joint.name)
+
+
+def start_angles(mechanism: Mechanism) -> dict[str, float]:
+    """Angles of the bodies and the ground at the start [rad], by name."""
+    return {
+        name: turned if index is None else mechanism.start[index] + turned
+        for name, (index, turned) in mechanism.attitudes.items()
+    }
+
+
+def hinge_weights(mechanism: Mechanism, body: str, other: str) -> dict[str, int]:
+    """Weights of the hinges whose sum is by how much a body's angle less that of another one has changed."""
+    up, down = hinge_chain(mechanism, body), hinge_chain(mechanism, other)
+    return {name: 1 for name in up if name not in down} | {name: -1 for name in down if name not in up}
+
+
+def add_angle_tendon(
+    tendon: ET.Element, mechanism: Mechanism, bodies: tuple[str, ...], sense: int = 1, **attributes: str
+) -> None:
+    """Add a tendon whose length is the first body's angle less that of the second [rad], less the one at the start.
+
+    Args:
+        tendon: element that it is added to.
+        mechanism: with the bodies.
+        bodies: both names.
+        sense: -1 for the opposite length.
+        attributes: of the tendon.
+    """
+    fixed = ET.SubElement(tendon, "fixed", attributes)
+    weights = hinge_weights(mechanism, *bodies) or _constant(mechanism)
+    for name, weight in weights.items():
+        ET.SubElement(fixed, "joint", joint=name, coef=str(sense * weight))
+
+
+def _constant(mechanism: Mechanism) -> dict[str, int]:
+    """A weight of zero: of bodies that turn together the angle is constant."""
+    names = [name for joint in mechanism.tree_joints for name in (*slide_joints(joint), *_hinge(joint))]
+    return dict.fromkeys(names[:1], 0)
+
+
+def _hinge(joint: AnyJoint) -> tuple[str, ...]:
+    return () if joint.holds_angle else (joint.name,)
