@@ -94,7 +94,7 @@ class PointContact:
     index: int
     """Of the pair of geoms."""
     geoms: tuple[int, int]
-    """Wall and sphere, in MuJoCo's order: a plane before the sphere, the sphere before a box."""
+    """Wall and sphere, in the order that MuJoCo's contacts have: a plane before the sphere, the sphere before a box."""
     margin: float
     """Of the pair, before anything was removed [m]."""
 
@@ -163,7 +163,8 @@ def slot_contacts(mechanism: Mechanism, model: Any) -> list[PointContact]:
 
 def _contact(model: Any, name: str) -> PointContact:
     pair = model.pair(name)
-    return PointContact(int(pair.id), (int(pair.geom1[0]), int(pair.geom2[0])), float(pair.margin[0]))
+    first, second = sorted((int(pair.geom1[0]), int(pair.geom2[0])), key=lambda geom: model.geom_type[geom])
+    return PointContact(int(pair.id), (first, second), float(pair.margin[0]))
 
 
 def _limit(model: Any, stop: Stop) -> Limit:
