@@ -23,7 +23,8 @@ the coordinates, not in the metric of the mass matrix: no force acts here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 
 import numpy as np
@@ -33,6 +34,7 @@ from ..models.arrays import ComplexArray, FloatArray
 from ..models.errors import SimulationError
 from ..models.kinematics import Kinematics, PointFunction, ScalarFunction
 from ..models.mechanism import Mechanism
+from .compiled import CompiledEquations, compiled_equations
 from .dependence import Basis, Scales, least_step, scales_of
 
 _ITERATIONS = 30  # from a slightly changed mechanism's start it takes three or four
@@ -57,6 +59,7 @@ class Equations:
         self._applied = AppliedForces(self.kinematics) if mechanism.force_elements else None
         self._gaps = self.kinematics.gaps
         self._ranks: dict[tuple[str, ...], int] = {}
+        self._compilations: dict[tuple[str, ...], CompiledEquations | None] = {}
 
     @cached_property
     def n_loops(self) -> int:
@@ -174,6 +177,9 @@ class Equations:
             a, shape (..., n_q) [rad/s^2 or m/s^2], and lam, shape (..., n_loops + n_closed): generalized forces
             conjugate to the constraints [N or N m].
         """
+        if (compiled := self.compiled(q, closed)) is not None:
+            with self._unique():
+                return compiled.solve(q, u)
         rates = self._rates(q)
         quadratic = self._quadratic(q, rates)
         mass = quadratic.real + self._inertias
@@ -185,6 +191,18 @@ class Equations:
             a, reduced = self._constrained(mass, basis.rows @ jacobian, forces, _times(basis.rows, right))
             return a, _times(np.swapaxes(basis.rows, -1, -2), reduced)
         return self._constrained(mass, jacobian, forces, right)
+
+    def compiled(self, q: FloatArray, closed: Sequence[str]) -> CompiledEquations | None:
+        """The compiled equations, where Numba has them; None for equations with a fault or with force elements."""
+        names = tuple(closed)
+        if names not in self._compilations:
+            compiled = None
+            if type(self) is Equations and self._applied is None and self.basis(q, names) is None:
+                functions = (*self.kinematics.loop_closures, *(self._gaps[name] for name in names))
+                matrices = self._products, self._weights, self._inertias
+                compiled = compiled_equations(self.kinematics, matrices, functions)
+            self._compilations[names] = compiled
+        return self._compilations[names]
 
     def response(self, q: FloatArray, force: FloatArray) -> FloatArray:
         """Accelerations (or speed jumps) that a generalized force (or impulse) alone causes, with the loop joints.
@@ -241,8 +259,13 @@ class Equations:
         return solution[..., : mass.shape[-1]], solution[..., mass.shape[-1] :]
 
     def _solved(self, matrix: FloatArray, right: FloatArray) -> FloatArray:
-        try:
+        with self._unique():
             return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0], dtype=np.float64)
+
+    @contextmanager
+    def _unique(self) -> Generator[None]:
+        try:
+            yield
         except np.linalg.LinAlgError:
             raise SimulationError(
                 f"{self.mechanism.name!r} has no unique accelerations in a state it comes to: a body without inertia "

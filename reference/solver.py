@@ -23,6 +23,7 @@ from ..models.errors import InputError, SimulationError
 from ..models.kinematics import initial_state
 from ..models.mechanism import Mechanism
 from ..models.problem import LONGEST, Problem, StopLaw
+from .compiled_integrator import CompiledIntegrator
 from .contact import ActiveSet, EventFunction, PostEventState
 from .damping import longest_step
 from .equations import Equations
@@ -198,7 +199,11 @@ def integrate_segment(
     if (window := watch.begin(start, y[:n_q], y[n_q:])) is not None:
         y = np.concatenate(watch.projected(*path.cross(window)))
     longest = longest_step(equations, y[:n_q], closed)
-    stepper = Integrator(rates, path.times[-1], y, end, tolerance, limit, longest)
+    now, compiled = path.times[-1], equations.compiled(y[:n_q], closed)
+    if compiled is not None:
+        stepper: Integrator = CompiledIntegrator(compiled, now, y, end, tolerance, limit, longest)
+    else:
+        stepper = Integrator(rates, now, y, end, tolerance, limit, longest)
     while path.times[-1] < end and not path.events:
         stepper.step()
         dense = stepper.dense_output()

@@ -1,0 +1,105 @@
+"""Accelerations and multipliers in machine code, where Numba is installed: the same equations, without NumPy's calls.
+
+A mechanism of a few bodies spends its time in the calls of NumPy's functions and not in their arithmetic: Numba's code
+takes a tenth of it. It is compiled once for all mechanisms and kept on disk. Its results differ from those of
+:mod:`.equations` by rounding.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import Any
+
+import numpy as np
+
+from ..models.arrays import ComplexArray, FloatArray, IndexArray
+from ..models.kinematics import AngleFunction, Kinematics, PointFunction, ScalarFunction
+
+MOST_UNKNOWNS = 24
+"""Accelerations and multipliers up to which this is faster than NumPy's assembly and LAPACK."""
+
+
+@dataclass(frozen=True)
+class CompiledEquations:
+    """The equations under one set of constraints, as arrays."""
+
+    n_q: int
+    angles: FloatArray
+    """1 for an angle, 0 for a slide, shape (n_q,)."""
+    carried: IndexArray
+    """Slides along lines that turn, and their angles, shape (n, 2)."""
+    products: ComplexArray
+    weights: ComplexArray
+    """Conjugate of the weights W."""
+    inertias: FloatArray
+    point_rows: ComplexArray
+    """Of the constraints; zero for one on angles, shape (n_constraints, n_q)."""
+    angle_rows: FloatArray
+    """Of the constraints; zero for one on points, shape (n_constraints, n_q)."""
+
+    @cached_property
+    def arrays(self) -> tuple[Any, ...]:
+        """All arrays, in the order in which the kernel takes them."""
+        matrices = self.products, self.weights, self.inertias
+        return self.angles, self.carried, *matrices, self.point_rows, self.angle_rows
+
+    def solve(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Accelerations and multipliers of states of shape (n_q,) or (n, n_q).
+
+        Raises:
+            numpy.linalg.LinAlgError: there are no unique ones.
+        """
+        solution, regular = kernel().solve(np.atleast_2d(q), np.atleast_2d(u), self.arrays)
+        if not regular:
+            raise np.linalg.LinAlgError("singular matrix")
+        solution = solution.reshape(*q.shape[:-1], -1)
+        return solution[..., : self.n_q], solution[..., self.n_q :]
+
+    def rates(self, t: float, y: FloatArray) -> FloatArray:
+        """Of the state (q, u), shape (2 n_q,)."""
+        return np.concatenate([y[self.n_q :], self.solve(y[: self.n_q], y[self.n_q :])[0]])
+
+
+@cache
+def kernel() -> Any:
+    """The compiled functions; importing them takes a third of a second."""
+    return importlib.import_module(".kernel", __package__)
+
+
+@cache
+def is_available() -> bool:
+    """Whether Numba is installed."""
+    return importlib.util.find_spec("numba") is not None
+
+
+def compiled_equations(
+    kinematics: Kinematics,
+    matrices: tuple[ComplexArray, ComplexArray, FloatArray],
+    functions: Sequence[ScalarFunction],
+) -> CompiledEquations | None:
+    """The compiled equations; None where Numba is absent, the mechanism is too large or a constraint of another kind.
+
+    Args:
+        matrices: K, W and the inertias of :mod:`.equations`.
+        functions: of the constraints, which must be independent.
+    """
+    n_q, n_c = len(kinematics.is_angle), len(functions)
+    if n_q + n_c > MOST_UNKNOWNS or not is_available():
+        return None
+    points, angles = np.zeros((n_c, n_q), dtype=np.complex128), np.zeros((n_c, n_q))
+    for k, function in enumerate(functions):
+        if isinstance(function, AngleFunction):
+            angles[k] = function.coefficients
+        elif isinstance(function, PointFunction):
+            points[k] = function.coefficients
+        else:
+            return None
+    products, weights, inertias = matrices
+    carried = np.array(kinematics.carried, dtype=np.intp).reshape(-1, 2)
+    return CompiledEquations(
+        n_q, kinematics.is_angle, carried, np.ascontiguousarray(products), weights.conj(), inertias, points, angles
+    )
