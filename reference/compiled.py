@@ -7,7 +7,6 @@ takes a tenth of it. It is compiled once for all mechanisms and kept on disk. It
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -67,7 +66,9 @@ class CompiledEquations:
 @cache
 def kernel() -> Any:
     """The compiled functions; importing them takes a third of a second."""
-    return importlib.import_module(".kernel", __package__)
+    from . import kernel as functions
+
+    return functions
 
 
 @cache

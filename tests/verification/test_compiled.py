@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 import trebucheck as tb
+from mechanisms import everything
 from trebucheck.models.kinematics import initial_state
 from trebucheck.reference import compiled
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
-
-from mechanisms import everything
 
 pytest.importorskip("numba", reason="Numba is not installed: the equations are NumPy's")
 
@@ -16,13 +15,17 @@ _ROUNDING = 1e-12  # of the largest: some hundred roundings of matrices that los
 
 
 def _machines() -> list[tb.Mechanism]:
-    return [tb.fixed(), tb.rolling(), tb.hinged(), tb.floating_arm(), everything().model_copy(update={"force_elements": ()})]
+    return [
+        tb.fixed(),
+        tb.rolling(),
+        tb.hinged(),
+        tb.floating_arm(),
+        everything().model_copy(update={"force_elements": ()}),
+    ]
 
 
 @pytest.mark.parametrize("mechanism", _machines(), ids=lambda m: m.name)
-def test_accelerations_and_multipliers_are_numpys(
-    mechanism: tb.Mechanism, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_accelerations_and_multipliers_are_numpys(mechanism: tb.Mechanism, monkeypatch: pytest.MonkeyPatch) -> None:
     random, (q, u) = np.random.default_rng(4), initial_state(mechanism)
     states = q + random.uniform(-0.3, 0.3, (5, len(q))), u + random.uniform(-1, 1, (5, len(u)))
     for closed in ((), tuple(stop.name for stop in mechanism.stops if stop.closed)):
