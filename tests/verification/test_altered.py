@@ -75,5 +75,6 @@ def test_without_velocity_dependent_forces_only_they_are_missing(build: Build) -
     random = np.random.default_rng(2)
     q, u = random.normal(size=(2, len(mechanism.coordinates)))
     still = np.zeros_like(u)
-    assert np.array_equal(less.solve(q, u, ())[0], plain.solve(q, still, ())[0])
+    # Equations with a fault are NumPy's, plain ones may be compiled: they differ by rounding.
+    assert less.solve(q, u, ())[0] == pytest.approx(plain.solve(q, still, ())[0], rel=1e-12)
     assert not np.allclose(less.solve(q, u, ())[0], plain.solve(q, u, ())[0])
