@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..models.arrays import ComplexArray, FloatArray, IndexArray
+from ..models.errors import SimulationError
 from ..models.kinematics import AngleFunction, Kinematics, PointFunction, ScalarFunction
 
 MOST_UNKNOWNS = 24
@@ -26,6 +27,8 @@ MOST_UNKNOWNS = 24
 class CompiledEquations:
     """The equations under one set of constraints, as arrays."""
 
+    name: str
+    """Of the mechanism."""
     n_q: int
     angles: FloatArray
     """1 for an angle, 0 for a slide, shape (n_q,)."""
@@ -50,17 +53,25 @@ class CompiledEquations:
         """Accelerations and multipliers of states of shape (n_q,) or (n, n_q).
 
         Raises:
-            numpy.linalg.LinAlgError: there are no unique ones.
+            SimulationError: there are no unique ones.
         """
         solution, regular = kernel().solve(np.atleast_2d(q), np.atleast_2d(u), self.arrays)
         if not regular:
-            raise np.linalg.LinAlgError("singular matrix")
+            raise not_unique(self.name)
         solution = solution.reshape(*q.shape[:-1], -1)
         return solution[..., : self.n_q], solution[..., self.n_q :]
 
     def rates(self, t: float, y: FloatArray) -> FloatArray:
         """Of the state (q, u), shape (2 n_q,)."""
         return np.concatenate([y[self.n_q :], self.solve(y[: self.n_q], y[self.n_q :])[0]])
+
+
+def not_unique(name: str) -> SimulationError:
+    """The error of a mechanism without unique accelerations."""
+    return SimulationError(
+        f"{name!r} has no unique accelerations in a state it comes to: a body without inertia about its joint, or a "
+        "singular position, in which its constraints are dependent."
+    )
 
 
 @cache
@@ -101,6 +112,15 @@ def compiled_equations(
             return None
     products, weights, inertias = matrices
     carried = np.array(kinematics.carried, dtype=np.intp).reshape(-1, 2)
+    name = kinematics.mechanism.name
     return CompiledEquations(
-        n_q, kinematics.is_angle, carried, np.ascontiguousarray(products), weights.conj(), inertias, points, angles
+        name,
+        n_q,
+        kinematics.is_angle,
+        carried,
+        np.ascontiguousarray(products),
+        weights.conj(),
+        inertias,
+        points,
+        angles,
     )

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.integrate import DOP853, DenseOutput
 
 from ..models.arrays import FloatArray
-from .compiled import CompiledEquations, kernel
+from .compiled import CompiledEquations, kernel, not_unique
 from .integrator import Integrator, StepLimit
 
 # As in SciPy's RungeKutta: of the step that the error estimate promises, least and greatest change of a step.
@@ -46,7 +46,7 @@ class CompiledIntegrator(Integrator):
                 self.y, self.f, size, _tableau(), self._tolerance, self._equations.arrays
             )
             if not regular:
-                raise np.linalg.LinAlgError("singular matrix")
+                raise not_unique(self._equations.name)
             self.nfev += len(stages) - 1
             if error < 1:
                 break

@@ -23,8 +23,7 @@ the coordinates, not in the metric of the mass matrix: no force acts here.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -34,7 +33,7 @@ from ..models.arrays import ComplexArray, FloatArray
 from ..models.errors import SimulationError
 from ..models.kinematics import Kinematics, PointFunction, ScalarFunction
 from ..models.mechanism import Mechanism
-from .compiled import CompiledEquations, compiled_equations
+from .compiled import CompiledEquations, compiled_equations, not_unique
 from .dependence import Basis, Scales, least_step, scales_of
 
 _ITERATIONS = 30  # from a slightly changed mechanism's start it takes three or four
@@ -178,8 +177,7 @@ class Equations:
             conjugate to the constraints [N or N m].
         """
         if (compiled := self.compiled(q, closed)) is not None:
-            with self._unique():
-                return compiled.solve(q, u)
+            return compiled.solve(q, u)
         rates = self._rates(q)
         quadratic = self._quadratic(q, rates)
         mass = quadratic.real + self._inertias
@@ -259,18 +257,10 @@ class Equations:
         return solution[..., : mass.shape[-1]], solution[..., mass.shape[-1] :]
 
     def _solved(self, matrix: FloatArray, right: FloatArray) -> FloatArray:
-        with self._unique():
-            return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0], dtype=np.float64)
-
-    @contextmanager
-    def _unique(self) -> Generator[None]:
         try:
-            yield
+            return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0], dtype=np.float64)
         except np.linalg.LinAlgError:
-            raise SimulationError(
-                f"{self.mechanism.name!r} has no unique accelerations in a state it comes to: a body without inertia "
-                "about its joint, or a singular position, in which its constraints are dependent."
-            ) from None
+            raise not_unique(self.mechanism.name) from None
 
 
 def kkt_matrix(mass: FloatArray, jacobian: FloatArray) -> FloatArray:
