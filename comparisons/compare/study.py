@@ -23,12 +23,11 @@ from ...reference.solution import Solution
 from ..diagnosis.model import check_and_diagnose
 from ..diagnosis.motion import diagnose_motion
 from ..report.numbers import format_number
-from ..runs.demand import OnDemand, in_order
 from ..runs.pairs import Compared, pair_of
 from ..runs.results import Diagnosis, Equality, Machine, Outcome, Pair, Results, Run, verdict_on
 from ..runs.runner import Runner, Worker, failure, simulate_warm
 from ..runs.store import Store, conditions, digest
-from ..runs.study import PRESETS, Study, one_end
+from ..runs.study import PRESETS, OnDemand, Study, in_order, one_end
 from ..runs.tolerances import Needs, is_table_one, judge
 
 

@@ -1,11 +1,12 @@
-"""What every command that runs engines takes: one study, checked once, before anything runs."""
+"""What every command that runs engines takes: one study, checked once, before anything runs; and how it is run."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 from ...engines.protocol import Engine
 from ...engines.registry import engine, engine_class, engine_names, refuse_reserved
@@ -18,6 +19,9 @@ from .runner import Worker
 from .store import Store
 from .tolerances import Needs
 from .until import Until
+
+_K = TypeVar("_K")
+_V = TypeVar("_V")
 
 PRESETS = ("tuned", "stock")
 REFERENCE = "reference"
@@ -201,3 +205,33 @@ class Counter:
         """Report a part that starts now, and count it."""
         self.show(what)
         self.done += 1
+
+
+class OnDemand(Mapping[_K, _V]):
+    """A mapping whose values are made, once, when they are first asked for."""
+
+    def __init__(self, makers: Mapping[_K, Callable[[], _V]]) -> None:
+        self._makers, self._values = dict(makers), dict[_K, _V]()
+
+    def __getitem__(self, key: _K) -> _V:
+        if key not in self._values:
+            self._values[key] = self._makers[key]()
+        return self._values[key]
+
+    def __iter__(self) -> Iterator[_K]:
+        return iter(self._makers)
+
+    def __len__(self) -> int:
+        return len(self._makers)
+
+
+def in_order(function: Callable[[_K], _V], items: Sequence[_K], jobs: int) -> Generator[_V]:
+    """The function's values in the order of the items, each computed when asked for, or by that many threads."""
+    if jobs == 1:
+        yield from map(function, items)
+        return
+    threads = ThreadPoolExecutor(jobs)
+    try:
+        yield from threads.map(function, items)
+    finally:  # no further run is started when this is left early
+        threads.shutdown(wait=False, cancel_futures=True)
