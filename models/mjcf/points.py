@@ -72,15 +72,16 @@ class Points:
     """Elements for all held points of a mechanism.
 
     Raises:
-        UnsupportedProblemError: a stop is on a point of the ground, against the ground.
+        UnsupportedProblemError: a stop is on a point of a body, or the ground, against the same one.
     """
 
     mechanism: Mechanism
 
     def __post_init__(self) -> None:
         for stop in self.mechanism.point_stops:
-            if stop.body == GROUND == stop.relative_to:
-                raise UnsupportedProblemError(f"stop {stop.name!r} holds a point of the ground, which cannot move.")
+            if stop.body == stop.relative_to:
+                message = f"stop {stop.name!r} holds a point of {stop.body!r} against {stop.body!r} itself."
+                raise UnsupportedProblemError(message)
 
     @property
     def slots(self) -> tuple[AnyJoint, ...]:
