@@ -73,26 +73,22 @@ class Window:
     poles: FloatArray
     """Times of all passages, also of those after `end` [s]."""
 
-    def until(self, end: float) -> Window:
-        """The part up to `end` [s]."""
+    def until(self, end: float, releases: bool) -> Window:
+        """The part up to `end` [s], where a stop opens or not.
+
+        Raises:
+            SimulationError: a stop's torque passes a pole there instead of zero.
+        """
+        if releases and np.any(np.abs(self.poles - end) < _BESIDE * self.motion.half):
+            raise SimulationError(
+                f"the reference gave up at t = {end:.6g} s: a stop opens in a singular position, in which its torque "
+                "grows beyond all bounds."
+            )
         return replace(self, end=end, passages=tuple(passage for passage in self.passages if passage.time <= end))
 
     def dense_output(self) -> DenseOutput:
         """As that of an integrator's step."""
         return _WindowOutput(self)
-
-    def refuse_releases(self, times: Sequence[float]) -> None:
-        """Refuse releases at which a stop's torque passes a pole instead of zero.
-
-        Raises:
-            SimulationError: one of the times [s] is that of a passage.
-        """
-        for t in times:
-            if np.any(np.abs(self.poles - t) < _BESIDE * self.motion.half):
-                raise SimulationError(
-                    f"the reference gave up at t = {t:.6g} s: a stop opens in a singular position, in which its "
-                    "torque grows beyond all bounds."
-                )
 
     def accelerations(self, t: FloatArray) -> FloatArray:
         """Of the branch at times t [s], shape (n, n_q)."""
@@ -158,13 +154,30 @@ class Watch:
             self.level = _NEAR if values[-1] > _NEAR else self.level
             return None
         k = max(int(near[0]) - 1, 0)
-        window = self._across(Given(float(times[k]), *self.projected(*np.split(states[k], 2))))
+        return self.window_from(float(times[k]), *np.split(states[k], 2), least=float(values.min()))
+
+    def nears(self, q: FloatArray, change: FloatArray) -> bool:
+        """Whether another change of the coordinates leads near a singular position."""
+        values = self._values(q + _PROBES[:, None] * change)[:, -1] if self.level else np.array([np.inf])
+        if values[0] > _NEAR:
+            self.level = self.level and _NEAR
+        return bool(values.min() < self.level)
+
+    def window_from(self, start: float, q: FloatArray, u: FloatArray, least: float = np.inf) -> Window | None:
+        """The motion across the singular position ahead of a state at `start` [s], as :meth:`window`.
+
+        Args:
+            start: [s].
+            q, u: the state.
+            least: singular value to which an integrator has come by itself, of which it may come closer without one.
+        """
+        window = self._across(Given(start, *self.projected(q, u)))
         if window is None:
-            self.level = 0.5 * float(values.min())
+            self.level = 0.5 * min(least, self.level, self._least(q))
             if self.level < _VANISHES:
                 raise SimulationError(
-                    f"the reference gave up at t = {times[k]:.6g} s near a singular position: no smooth motion "
-                    "through it was found."
+                    f"the reference gave up at t = {start:.6g} s near a singular position: no smooth motion through "
+                    "it was found."
                 )
         return window
 
@@ -298,7 +311,7 @@ class Watch:
             lost = int((self._values(motion.values(motion.q, np.array(time))) < 10 * _VANISHES).sum())
             self._refuse_touching(motion, time, lost)
             uncertain = (difference + _EPSILON) / abs(rate) + _EPSILON * abs(time)
-            yield SingularPassage(time, uncertain, difference, lost)
+            yield SingularPassage(max(time, 0.0), uncertain, difference, lost)
 
     def _minima(self, motion: Polynomial, t: FloatArray) -> Iterator[FloatArray]:
         """Times around each local minimum of the least singular value at times t [s]: `_SAMPLES` of them."""

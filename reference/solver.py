@@ -35,7 +35,7 @@ _MAX_EVENTS = 10_000
 _LAUNCH_SPANS = (2.0, 5.5)  # characteristic times; Table I launches at 1.5
 
 _PROBES = np.linspace(0.0, 1.0, 6)  # where inside a step the functions are sampled
-_PARTS = 8  # of a window across a singular position, each sampled as a step
+_PARTS = 8  # of a window across a singular position, each probed as a step is
 _SAME_TIME = 1e-13  # [s] events closer than this are one instant
 _ROUNDING = 1e-12  # [rad] a gap this little below zero has just been at zero
 
@@ -223,26 +223,21 @@ class _Path:
         self._locate, self._end = locate, end
         self._pieces, self._windows = list[DenseOutput](), list[Window]()
 
-    def add(self, piece: DenseOutput, end: float, parts: int = 1) -> None:
-        """Go on by a piece, to `end` [s] or its first events, which are looked for part by part."""
-        start = self.times[-1]
-        if end <= start:
-            return
-        for t0, t1 in pairwise(np.linspace(start, end, parts + 1).tolist()):
-            self.events = self._locate(piece, t0, t1)
-            if self.events:
-                end = self.events[0].t
-                break
-        self.times.append(end)
-        self._pieces.append(piece)
+    def add(self, piece: DenseOutput, end: float) -> None:
+        """Go on by a step, to `end` [s] or its first events."""
+        if end > self.times[-1]:
+            self.events = self._locate(piece, self.times[-1], end)
+            self.times.append(self.events[0].t if self.events else end)
+            self._pieces.append(piece)
 
     def cross(self, window: Window) -> FloatArray:
         """Go on across a singular position; the coordinates and the speeds behind it, shape (2, n_q)."""
         piece = window.dense_output()
-        self.add(piece, min(window.end, self._end), _PARTS)
-        window.refuse_releases([event.t for event in self.events if not event.function.closes])
-        self._windows.append(window.until(self.times[-1]))
-        return np.asarray(piece(self.times[-1])).reshape(2, -1)
+        end, self.events = first_events(self._locate, piece, window.start, min(window.end, self._end))
+        self.times.append(end)
+        self._pieces.append(piece)
+        self._windows.append(window.until(end, releases(self.events)))
+        return np.asarray(piece(end)).reshape(2, -1)
 
     def segment(self, closed: tuple[str, ...]) -> Segment:
         """The segment up to here."""
@@ -251,6 +246,21 @@ class _Path:
             self._pieces.pop()
         interpolant = OdeSolution(np.array(self.times), self._pieces)
         return Segment(closed, self.times[0], self.times[-1], interpolant, tuple(self._windows))
+
+
+def first_events(
+    locate: Callable[[DenseOutput, float, float], list[Event]], piece: DenseOutput, start: float, end: float
+) -> tuple[float, list[Event]]:
+    """The first events in a window, part by part as it is longer than a step, and their time; else none and the end."""
+    for t0, t1 in pairwise(np.linspace(start, end, _PARTS + 1).tolist()):
+        if events := locate(piece, t0, t1):
+            return events[0].t, events
+    return end, []
+
+
+def releases(events: Iterable[Event]) -> bool:
+    """Whether a stop opens."""
+    return any(not event.function.closes for event in events)
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ from .quantities import BEYOND_LAUNCH, Key, Motion, Plan, PointState, plan, read
 from .redundant import solve_redundant
 
 if TYPE_CHECKING:
-    from ..taylor.solve import Precision
+    from ..taylor.precision import Precision
 
 LADDER = (1e-10, 1e-11, 1e-12, 1e-13, 3e-14)
 BEST = "taylor, extended"

@@ -10,12 +10,12 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal, cast
+from typing import Any, cast
 
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.errors import InputError, SimulationError
+from ...models.errors import SimulationError
 from ...models.features import Feature, refuse_features
 from ...models.launch import Launch, is_launch, lead
 from ...models.problem import Problem
@@ -23,16 +23,14 @@ from ..contact import ActiveSet, EventFunction, PostEventState
 from ..equations import Equations
 from ..reactions import refuse_dependent
 from ..solution import Segment, Solution
+from .crossing import Crossing, Crossings, WindowOutput
 from .dense_output import TaylorOutput
-from .machine import Real, RealType, numbers_of, projectile_row, relevant_stops, rests_of, structure_of
+from .machine import Real, numbers_of, projectile_row, relevant_stops, rests_of, structure_of
+from .precision import Precision, checked_tolerance, real_of
 from .system import heyoka, scalar_pool, torque_function
 
-Precision = Literal["double", "extended"]
-
-_REALS: Mapping[str, RealType] = {"double": np.float64, "extended": np.longdouble}
 FEATURES: frozenset[Feature] = frozenset()
 """Elements that it has."""
-_COARSEST = 1e-2
 _MAX_EVENTS = 10_000
 _ROUNDING = 1e-12  # [rad] a gap this little off zero may be zero
 _STANDING = 1e-9  # [rad/s] a gap speed below this is rounding
@@ -153,8 +151,8 @@ class _Integration:
     """The integration of one problem through its events."""
 
     def __init__(self, problem: Problem, tolerance: float | None, precision: str) -> None:
-        self.real = _real_of(precision)
-        self.tolerance = _checked(tolerance, self.real)
+        self.real = real_of(precision)
+        self.tolerance = checked_tolerance(tolerance, self.real)
         self.problem = problem
         self.equations = Equations(problem.mechanism)
         self.kinematics = self.equations.kinematics
@@ -171,6 +169,7 @@ class _Integration:
         self.segments: list[Segment] = []
         self.launched: _State | None = None
         self.steps = self.order = 0
+        self.crossings = Crossings(self.equations, self.active_set)
         self.begun = self.active_set.begin()
         refuse_dependent(self.equations, self.begun.q, self.begun.closed, "the Taylor integrator")
 
@@ -245,15 +244,34 @@ class _Integration:
     def _step_to_event(self, integrator: Any, initial: PostEventState, until: float, record: bool) -> int | None:
         """Integrate to the first stop's event or the launch, and say which; None if there is none until then."""
         while True:
-            start = float(integrator.time)
-            result = integrator.propagate_until(self.real(until), c_output=record)
+            start, crossing = float(integrator.time), self.crossings.of(initial)
+            result = integrator.propagate_until(self.real(until), c_output=record, callback=crossing)
             self.steps += int(result[3])
-            index = self._event(integrator, int(result[0]))
-            end = until if index is None else float(integrator.time)
+            stopped = int(result[0]) == int(heyoka().taylor_outcome.cb_stop)
+            index = None if stopped else self._event(integrator, int(result[0]))
+            end = until if index is None and not stopped else float(integrator.time)
             if record and end > start:
                 self._record(initial, start, end, result[4])
+            if stopped and crossing is not None:
+                index = self._cross(integrator, crossing, initial, until, record)
+                if index is None and float(integrator.time) < until:
+                    continue
             if index != len(self.stops) or self._is_launch(integrator):
                 return index
+
+    def _cross(
+        self, integrator: Any, crossing: Crossing, initial: PostEventState, until: float, record: bool
+    ) -> int | None:
+        """Cross a singular position, to a stop's event there, and say which; None if there is none."""
+        launches = self.structure.throws and integrator.pars[self.structure.launch]
+        crossed = crossing.cross(integrator, until, self.projectile if launches else None)
+        if crossed is None:
+            return None
+        window, events = crossed
+        if record:
+            self._record(initial, window.start, window.end, WindowOutput(window))
+            self.segments[-1] = replace(self.segments[-1], windows=(*self.segments[-1].windows, window))
+        return self.stops.index(events[0].function.stop) if events else None
 
     def _record(self, initial: PostEventState, start: float, end: float, output: Any) -> None:
         last = self.segments[-1] if self.segments else None
@@ -372,21 +390,3 @@ def _time_to_clear(height: float, speed: float, acceleration: float) -> float:
     if acceleration < 0 and speed**2 < -4 * acceleration * height:  # its top is lower than twice that
         return -2 * speed / acceleration
     return min(height / speed, _OPENING)
-
-
-def _real_of(precision: str) -> RealType:
-    if precision not in _REALS:
-        raise InputError(f"precision = {precision!r} is not one of 'double', 'extended'.")
-    real = _REALS[precision]
-    if precision == "extended" and np.finfo(real).eps >= np.finfo(np.float64).eps:
-        raise InputError("precision = 'extended' needs a machine whose long double is longer than a double.")
-    return real
-
-
-def _checked(tolerance: float | None, real: RealType) -> float:
-    least = float(np.finfo(real).eps)
-    if tolerance is None:
-        return least
-    if not least <= tolerance <= _COARSEST:
-        raise InputError(f"tolerance = {tolerance!r} is not between {least:.3g} (the precision's) and {_COARSEST}.")
-    return float(tolerance)

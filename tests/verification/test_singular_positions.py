@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from trebucheck.models.problem import Problem
 from trebucheck.reference.equations import Equations, consistent_coordinates
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
+from trebucheck.reference.taylor.solve import solve_taylor
 
 
 def _rod(name: str, length: float) -> Body:
@@ -49,9 +51,18 @@ def _windows(n: int, start: float, speed: float, length: float = 1.0, width: flo
     )
 
 
-@pytest.mark.parametrize(("n", "speed"), [(1, 1.0), (3, -0.7)])
-def test_four_bars_pass_their_singular_positions_for_ten_seconds(n: int, speed: float) -> None:
-    solution, t = solve(Problem(_windows(n, -math.pi / 2, speed), 10.0)), np.linspace(0.0, 10.0, 101)
+def _by_taylor(problem: Problem) -> Solution:
+    pytest.importorskip("heyoka")
+    return solve_taylor(problem)
+
+
+@pytest.mark.parametrize(
+    ("by", "n", "speed"), [(solve, 1, 1.0), (solve, 3, -0.7), pytest.param(_by_taylor, 1, 0.9, marks=pytest.mark.slow)]
+)
+def test_four_bars_pass_their_singular_positions_for_ten_seconds(
+    by: Callable[[Problem], Solution], n: int, speed: float
+) -> None:
+    solution, t = by(Problem(_windows(n, -math.pi / 2, speed), 10.0)), np.linspace(0.0, 10.0, 101)
     # Together they are a pendulum that goes round: half its angle from the lowest position is Jacobi's am.
     omega = math.sqrt(G * ((n + 1) / 2 + n) / ((n + 1) / 3 + n))
     half_speed = math.sqrt(speed**2 + 4 * omega**2) / 2
