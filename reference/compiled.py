@@ -22,6 +22,9 @@ from ..models.kinematics import AngleFunction, Kinematics, PointFunction, Scalar
 MOST_UNKNOWNS = 24
 """Accelerations and multipliers up to which this is faster than NumPy's assembly and LAPACK."""
 
+_LARGEST = 1e100
+"""Mass, mass moment or weight in SI up to which this is used: beyond it LAPACK scales, and finds what overflows."""
+
 
 @dataclass(frozen=True)
 class CompiledEquations:
@@ -100,7 +103,9 @@ def compiled_equations(
         functions: of the constraints, which must be independent.
     """
     n_q, n_c = len(kinematics.is_angle), len(functions)
-    if n_q + n_c > MOST_UNKNOWNS or not is_available():
+    products, weights, inertias = matrices
+    extreme = max(np.abs(products).max(), np.abs(weights).max(), np.abs(inertias).max()) > _LARGEST
+    if n_q + n_c > MOST_UNKNOWNS or extreme or not is_available():
         return None
     points, angles = np.zeros((n_c, n_q), dtype=np.complex128), np.zeros((n_c, n_q))
     for k, function in enumerate(functions):
@@ -110,7 +115,6 @@ def compiled_equations(
             points[k] = function.coefficients
         else:
             return None
-    products, weights, inertias = matrices
     carried = np.array(kinematics.carried, dtype=np.intp).reshape(-1, 2)
     name = kinematics.mechanism.name
     return CompiledEquations(
