@@ -21,6 +21,7 @@ from trebucheck.models.launch import Launch
 from trebucheck.models.mechanism import Body, Marker
 from trebucheck.models.stops import PointStop, Stop
 from trebucheck.models.trajectory import PointMotion, Provenance
+from trebucheck.reference.singular import SingularPassage
 
 RELEASE, TURN, ARM = 0.5, 1.0, 2.0
 """When the rest opens [s], speed of the arm from then on [rad/s], and its length [m]."""
@@ -66,6 +67,7 @@ class Formula:
     law: tb.StopLaw = tb.StopLaw.RELEASE_ONCE
     release_times: Mapping[str, float | None] = field(default_factory=lambda: {"rest": RELEASE})
     impacts: tuple[tuple[float, dict[str, float]], ...] = ()
+    singular_passages: tuple[SingularPassage, ...] = ()
     launches: Mapping[str, Launch] = field(
         default_factory=lambda: {"projectile": Launch(LAUNCH, ARM * TURN, (math.sqrt(2), math.sqrt(2)))}
     )

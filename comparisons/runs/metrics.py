@@ -25,7 +25,7 @@ from ...reference.solution import Solution
 from .balance import keeps_horizontal_momentum, reference_balance, sampled_balance
 from .parting import parting
 from .results import Metric
-from .scales import Scales, scales_until
+from .scales import Scales, away_from_poles, scales_until
 from .stretching import Stretching
 
 _RELEASE_GUARD = 1.5  # steps around an event within which a sample may fall on its other side
@@ -95,18 +95,35 @@ class Comparison:
             away &= (self.t < first - guard) | (self.t > last + guard)
         return away
 
+    @cached_property
+    def away(self) -> BoolArray:
+        """Which compared samples are not beside a singular position of the reference, a pole of forces."""
+        return away_from_poles(self.solution, self.t, self.scales.time)
+
     def distance(self, values: FloatArray, reference: FloatArray) -> FloatArray:
         """|values - reference| at the compared times; Euclidean over a trailing axis, if there is one."""
         difference = (values - reference)[self.keep]
         return np.abs(difference) if difference.ndim == 1 else np.linalg.norm(difference, axis=-1)
 
     def largest(
-        self, name: str, values: FloatArray, reference: FloatArray, unit: str, subject: str | None = None
+        self,
+        name: str,
+        values: FloatArray,
+        reference: FloatArray,
+        unit: str,
+        subject: str | None = None,
+        *,
+        forces: bool = False,
     ) -> Metric:
-        """Metric of the largest distance at the compared times away from impacts, if there is such a time."""
-        if not self.smooth.any():
-            return _not_observed(name, subject, unit, "every sample is at an impact")
-        value = float(self.distance(values, reference)[self.smooth].max())
+        """Metric of the largest distance at the compared times away from impacts, if there is such a time.
+
+        Forces are compared away from singular positions, too.
+        """
+        chosen = self.smooth & self.away if forces else self.smooth
+        if not chosen.any():
+            where = "at an impact or beside a singular position" if forces else "at an impact"
+            return _not_observed(name, subject, unit, f"every sample is {where}")
+        value = float(self.distance(values, reference)[chosen].max())
         return Metric(name=name, subject=subject, value=value, unit=unit)
 
 
@@ -246,7 +263,7 @@ def _worst_impact(c: Comparison, stop: str, times: list[float], expected: list[f
 
 
 def _torques(c: Comparison) -> Iterator[Metric]:
-    settled = _away_from_releases(c) & c.smooth
+    settled = _away_from_releases(c) & c.smooth & c.away
     for stop in c.trajectory.mechanism.stops:
         name, unit = stop.name, stop.force_unit
         torque = c.trajectory.stop_torques.get(name)
@@ -259,7 +276,7 @@ def _torques(c: Comparison) -> Iterator[Metric]:
         expected = c.reference.stop_torque(name)
         error = c.distance(torque, expected)
         impulse = trapezoid(torque[c.keep], c.t) - trapezoid(expected[c.keep], c.t)
-        yield c.largest("stop_torque_max", torque, expected, unit, name)
+        yield c.largest("stop_torque_max", torque, expected, unit, name, forces=True)
         if settled.any():
             yield Metric(name="stop_torque_settled", subject=name, value=error[settled].max(), unit=unit)
         yield Metric(name="stop_impulse", subject=name, value=float(impulse), unit=f"{unit} s")
@@ -288,9 +305,9 @@ def _reactions(c: Comparison) -> Iterator[Metric]:
         if name in c.solution.undetermined_joints:
             yield _not_observed("joint_reaction_max", name, "N", "not unique: constraints are redundant")
             continue
-        error = c.largest("joint_reaction_max", force, c.reference.joint_reaction(name), "N", name)
+        error = c.largest("joint_reaction_max", force, c.reference.joint_reaction(name), "N", name, forces=True)
         yield error
-        scale = float(np.linalg.norm(c.reference.joint_reaction(name)[c.keep], axis=1).max())
+        scale = float(np.linalg.norm(c.reference.joint_reaction(name)[c.keep][c.away], axis=1).max(initial=0.0))
         if scale > 0 and error.value is not None:
             yield Metric(name="joint_reaction_relative", subject=name, value=error.value / scale, unit="1")
 

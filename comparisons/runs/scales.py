@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from ...models.applied_forces import AppliedForces
-from ...models.arrays import FloatArray
+from ...models.arrays import BoolArray, FloatArray
 from ...models.force_elements import RotationalSpringDamper, SpringDamper
 from ...models.joints import GROUND, FreeJoint
 from ...models.kinematics import Kinematics
@@ -28,6 +28,7 @@ _LONGEST = 10.0
 """Longest characteristic time in parts of the end: in what hardly moves, times are still known to a hundredth of it."""
 _LEAST = 1e-6
 """Least speed and force in parts of those that gravity gives: of a swing of a thousandth of a degree."""
+_BESIDE = 0.1  # characteristic times
 _SHORTEST = 1e-9  # characteristic times: an end before that has no speed of its own
 _LEAST_ENERGY = 1e-9
 """Least energy in parts of the energies that are added: a thousandth of it is well above their rounding."""
@@ -38,7 +39,9 @@ _LEAST_TORQUE = 1e-3
 class Scales(Spec):
     """Of one mechanism and its reference motion up to the end of what is compared."""
 
-    length: Positive = Field(description="sum of the bodies' lengths, or the farthest way along a slide if longer [m]")
+    length: Positive = Field(
+        description="sum of lengths of bodies and of slides on bodies, or the farthest way along a slide if longer [m]"
+    )
     angle: Positive = Field(default=1.0, description="[rad]")
     time: Positive = Field(
         description="characteristic time: least of length over speed, sqrt(length / gravity), sqrt(mass / stiffness) "
@@ -76,7 +79,7 @@ def scales_until(solution: Solution, end: float) -> Scales:
     reference = solution.trajectory(np.linspace(0.0, end, _SAMPLES))
     mechanism = reference.mechanism
     mass, gravity = sum(body.mass for body in mechanism.bodies), mechanism.gravity
-    length = max(size(mechanism), _travel(reference, guided=True)) or _travel(reference) or 1.0
+    length = _length(reference)
     shortest = _SHORTEST * (math.sqrt(length / gravity) if gravity else 1.0)
     end = max(end, shortest)
     least = _LEAST * max(math.sqrt(gravity * length), length / end)
@@ -88,7 +91,8 @@ def scales_until(solution: Solution, end: float) -> Scales:
         *_spring_times(mechanism),
     ]
     least_force = _LEAST * mass * max(gravity, speed**2 / length)
-    force = max(_largest_force(reference), least_force)
+    away = away_from_poles(solution, reference.t, min(times))
+    force = max(_largest_force(reference, away), least_force)
     kinetic = float(reference.kinetic_energy.max())
     exchanged = float(np.ptp(reference.potential_energy))
     energies = np.abs(reference.kinetic_energy).max() + np.abs(reference.potential_energy).max()
@@ -99,18 +103,36 @@ def scales_until(solution: Solution, end: float) -> Scales:
         angular_speed=max(_largest_turn(reference), speed / length),
         mass=mass,
         force=force,
-        torques={name: _torque_scale(mechanism, name, t, force, length) for name, t in reference.stop_torques.items()},
+        torques={
+            name: _torque_scale(mechanism, name, t[away], force, length) for name, t in reference.stop_torques.items()
+        },
         energy=max(kinetic + exchanged, _LEAST_ENERGY * (energies + mass * gravity * length), 0.5 * mass * least**2),
         largest_energy=float(energies + mass * gravity * length),
     )
 
 
-def _travel(reference: Trajectory, *, guided: bool = False) -> float:
-    """Farthest way along a slide [m]; guided: but those of free bodies."""
-    slides, n_angles = reference.mechanism.slides, len(reference.mechanism.angles)
-    ways = np.ptp(reference.q[:, n_angles:], axis=0)
-    chosen = [not (guided and isinstance(slide.joint, FreeJoint)) for slide in slides]
-    return float(ways[chosen].max(initial=0.0))
+def away_from_poles(solution: Solution, t: FloatArray, time: float) -> BoolArray:
+    """Which times are not beside a singular position, at which forces of joints and stops grow beyond all bounds.
+
+    Args:
+        t: times [s], shape (n,).
+        time: characteristic time [s].
+    """
+    away = np.ones(len(t), dtype=bool)
+    for passage in solution.singular_passages:
+        away &= np.abs(t - passage.time) > _BESIDE * time
+    return away
+
+
+def _length(reference: Trajectory) -> float:
+    """Of the bodies and, as arms, of the slides on moving bodies; at least the farthest way along one on the ground."""
+    slides = reference.mechanism.slides
+    places = reference.q[:, len(reference.mechanism.angles) :]
+    ways, arms = np.ptp(places, axis=0), np.abs(places).max(axis=0)
+    free = np.array([isinstance(slide.joint, FreeJoint) for slide in slides], dtype=bool)
+    moving = np.array([slide.joint.parent != GROUND for slide in slides], dtype=bool)
+    guided = float(ways[~free & ~moving].max(initial=0.0))
+    return max(size(reference.mechanism) + float(arms[moving].sum()), guided) or float(ways.max(initial=0.0)) or 1.0
 
 
 def _spring_times(mechanism: Mechanism) -> Iterator[float]:
@@ -136,17 +158,20 @@ def _largest_turn(reference: Trajectory) -> float:
     return float(np.abs(reference.u[:, : len(reference.mechanism.angles)]).max(initial=0.0))
 
 
-def _largest_force(reference: Trajectory) -> float:
-    forces = [_norm(force) for force in reference.joint_reactions.values()]
+def _largest_force(reference: Trajectory, away: BoolArray) -> float:
+    forces = [_norm(force[away]) for force in reference.joint_reactions.values()]
     on_points = [stop.name for stop in reference.mechanism.point_stops]
     forces += [_norm(f) for f in AppliedForces(reference.kinematics).on_bodies(reference.q, reference.u).values()]
-    return max([*forces, *(float(np.abs(reference.stop_torques[name]).max()) for name in on_points)], default=0.0)
+    return max(
+        [*forces, *(float(np.abs(reference.stop_torques[name][away]).max(initial=0.0)) for name in on_points)],
+        default=0.0,
+    )
 
 
 def _norm(vectors: FloatArray) -> float:
-    return float(np.linalg.norm(vectors, axis=-1).max())
+    return float(np.linalg.norm(vectors, axis=-1).max(initial=0.0))
 
 
 def _torque_scale(mechanism: Mechanism, name: str, torque: FloatArray, force: float, length: float) -> float:
     arm = length if mechanism.stop(name).effort == "torque" else 1.0
-    return max(float(np.abs(torque).max()), _LEAST_TORQUE * force * arm)
+    return max(float(np.abs(torque).max(initial=0.0)), _LEAST_TORQUE * force * arm)

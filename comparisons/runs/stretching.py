@@ -32,7 +32,7 @@ from ...models.problem import Problem
 from ...reference.equations import Equations, consistent_coordinates, consistent_speeds
 from ...reference.solution import Solution
 from ...reference.solver import TOLERANCE, solve
-from .scales import Scales, extent, scales_until
+from .scales import Scales, away_from_poles, extent, scales_until
 
 PARTED = 1e-3
 """Of a scale: three digits, as fine as a plot shows and finer than the masses of most machines are known. The default
@@ -52,6 +52,7 @@ _SAMPLES = 400
 _NEAR = 0.1  # of the interval of the samples
 _EACH, _COMBINATIONS = 6, 3  # most bodies whose inertias are changed one by one; random combinations of more
 _NUMBERS = ("stiffness", "damping", "rest_length", "rest_angle", "force", "torque")
+_ROWS = 4  # of each body before those of forces: place, velocity, angle and its speed
 _SHORTER = (1.0, 0.75, 0.5, 0.25)  # of the end: how far a changed mechanism is moved that cannot be moved to the end
 
 
@@ -132,8 +133,10 @@ class _Changed:
 
     def __init__(self, solution: Solution, end: float, scales: Scales) -> None:
         self.problem, self.end, self.scales = solution.problem, end, scales
+        self.first_force = _ROWS * len(solution.problem.mechanism.bodies)
         self.tolerance = _tolerance(self.problem.mechanism, scales)
         self.t = _away_from_impacts(solution, np.linspace(0.0, end, _SAMPLES))
+        self.poles = ~away_from_poles(solution, self.t, scales.time)
         try:
             self.unchanged = self._solved(self.problem.mechanism, end)
         except TrebucheckError:  # as loosely as that it cannot be moved
@@ -144,7 +147,9 @@ class _Changed:
         motion, found = read(self.unchanged, self.t, self.scales), np.zeros(len(self.t))
         for mechanism in mechanisms:
             moved = self._moved(mechanism, read)
-            distance = np.abs(moved - motion[:, : moved.shape[1]]).max(axis=0) / _CHANGE
+            apart = np.abs(moved - motion[:, : moved.shape[1]])
+            apart[self.first_force :, self.poles[: moved.shape[1]]] = 0.0
+            distance = apart.max(axis=0) / _CHANGE
             found[: len(distance)] = np.maximum(found[: len(distance)], distance)
             found[len(distance) :] = np.inf
         return np.maximum.accumulate(found)

@@ -236,14 +236,19 @@ def _judged(metric: Metric, run: Run, machine: Machine, needs: Needs) -> Metric:
     refused = refusal(metric.name, metric.subject, applied.value, uncertainty)
     if refused is not None and not _surely_broken(metric, applied.value, uncertainty, scale):
         return metric.model_copy(update={"note": refused})
-    return _held_against(metric, applied)
+    return _held_against(metric, applied, DEFAULT * scale)
 
 
-def _held_against(metric: Metric, applied: AppliedTolerance) -> Metric:
-    """With its tolerance, widened by what samples leave unknown; not judged if only that much can decide."""
+def _held_against(metric: Metric, applied: AppliedTolerance, most: float) -> Metric:
+    """With its tolerance, widened by what samples leave unknown; not judged if only that much can decide.
+
+    Args:
+        most: a claim may be widened up to this.
+    """
     unknown, value, reason = metric.sampling_error or 0.0, applied.value, applied.reason
     if unknown and metric.value is not None and abs(metric.value) > value:
-        if unknown > value and abs(metric.value) <= value + unknown:
+        least = max(value, most) if applied.source == "claim" else value
+        if unknown > least and abs(metric.value) <= value + unknown:
             note = f"the samples leave {unknown:.2g} {metric.unit} of it unknown, more than the tolerance {value:.2g}"
             return metric.model_copy(update={"note": note})
         value, reason = value + unknown, f"{reason}; and {unknown:.2g} that the samples leave unknown"

@@ -16,6 +16,7 @@ from trebucheck.comparisons.runs.results import Metric
 from trebucheck.comparisons.runs.scales import scales_until
 from trebucheck.comparisons.runs.stretching import stretching_until
 from trebucheck.comparisons.runs.tolerances import AppliedTolerance, _held_against
+from trebucheck.models.problems.registry import benchmark
 from trebucheck.reference.solver import solve
 
 STIFFNESS, MASS, OUT = 100.0, 4.0, 0.3
@@ -116,7 +117,7 @@ def test_what_the_samples_leave_unknown_is_added_to_the_tolerance(
     value: float, unknown: float, tolerance: float | None, judged: bool | None
 ) -> None:
     metric = Metric(name="energy_balance", value=value, unit="J", sampling_error=unknown)
-    found = _held_against(metric, AppliedTolerance(1.0, "default", "stated"))
+    found = _held_against(metric, AppliedTolerance(1.0, "default", "stated"), 1.0)
     assert found.holds is judged
     assert found.tolerance == (1.0 if value < 1 else tolerance)
     assert found.unjudged is (judged is None) and (found.note is None) is (judged is not None)
@@ -186,3 +187,45 @@ def test_subjects_of_free_and_sliding_bodies() -> None:
     labels = {m.label for m in measure(_solved(_free()).trajectory(np.linspace(0, 1, 50)), _solved(_free()), 1.0)}
     assert {"angle_max (a)", "slide_max (x)", "slide_max (y)", "horizontal_momentum"} <= labels
     assert not any(label.startswith("joint_reaction") for label in labels)
+
+
+def test_a_claim_is_widened_up_to_the_default() -> None:
+    metric = Metric(name="energy_balance", value=0.04, unit="J", sampling_error=0.05)
+    claim = AppliedTolerance(0.01, "claim", "stated")
+    assert _held_against(metric, claim, 1.0).tolerance == pytest.approx(0.06)
+    assert _held_against(metric, claim, 0.04).unjudged
+    assert _held_against(metric, replace(claim, source="need"), 1.0).unjudged
+
+
+def test_slides_on_bodies_are_lengths() -> None:
+    """A bob 0.8 m out on a rod that turns without length of its own; on a ground rail only the way counts."""
+    rod = tb.Body(name="rod", angle="a", mass=1.0, centre=(0, 0), inertia=0.0004)
+    pin = tb.PinJoint(name="pin", parent="ground", child="rod", parent_point=(0, 0), child_point=(0, 0))
+    rail = _block().joints[0].model_copy(update={"parent": "rod"})
+    spring = SPRING.model_copy(update={"relative_to": "rod", "rest_length": 0.5})
+    turning = _block(spring, bodies=(rod, *_block().bodies), joints=(pin, rail), start=(0.3, 0.8), gravity=9.81)
+    assert scales_until(solve(tb.Problem(turning, duration=0.01)), 0.01).length == pytest.approx(0.02 + 0.8, rel=1e-3)
+    far = _block(SPRING.model_copy(update={"relative_point": (1000, 0)}), start=(1000 + OUT,))
+    assert scales_until(solve(tb.Problem(far, duration=2.0)), 2.0).length == pytest.approx(2 * OUT, rel=1e-3)
+
+
+def test_forces_are_not_compared_beside_a_singular_position() -> None:
+    """The four-bar of which all pins come to lie on one line: there its joint forces have poles."""
+    problem = benchmark("n-four-bar").problem()
+    solution = solve(tb.Problem(problem.mechanism, duration=2.0))
+    first = solution.singular_passages[0].time
+    t = np.linspace(0.0, 1.0, 1001)
+    run = solution.trajectory(t)
+    scales = scales_until(solution, 1.0)
+    joint = next(iter(run.joint_reactions))
+
+    def error(shift: float) -> float:
+        """Of a force that is wrong by 1 N at one time, the passage and so much later."""
+        wrong = run.joint_reactions[joint] + (np.abs(t - first - shift) < 6e-4)[:, None] * np.array([1.0, 0.0])
+        spoilt = replace(run, joint_reactions={**run.joint_reactions, joint: wrong})
+        found = {m.label: m.value for m in measure(spoilt, solution, 1.0, scales=scales)}
+        return found[f"joint_reaction_max ({joint})"] or 0.0
+
+    assert error(0.0) < 1e-6 and error(0.15 * scales.time) == pytest.approx(1.0)
+    found = stretching_until(solve(problem), problem.duration, scales_until(solve(problem), problem.duration))
+    assert found.horizon == problem.duration
