@@ -32,7 +32,8 @@ class AppliedForces:
     kinematics: Kinematics
 
     @cached_property
-    def _springs(self) -> tuple[tuple[SpringDamper, PointCoefficients], ...]:
+    def springs(self) -> tuple[tuple[SpringDamper, PointCoefficients], ...]:
+        """Springs and dampers between points, with the vector to the body's point."""
         between = self.kinematics.between
         return tuple(
             (e, between(e.body, e.point, e.relative_to, e.relative_point))
@@ -41,7 +42,8 @@ class AppliedForces:
         )
 
     @cached_property
-    def _rotational(self) -> tuple[tuple[RotationalSpringDamper | ConstantTorque, AngleFunction], ...]:
+    def rotational(self) -> tuple[tuple[RotationalSpringDamper | ConstantTorque, AngleFunction], ...]:
+        """Springs, dampers and motors between angles, with the body's angle less the other's."""
         return tuple(
             (e, self.kinematics.angle(e.body, e.relative_to))
             for e in self.kinematics.mechanism.force_elements
@@ -49,7 +51,8 @@ class AppliedForces:
         )
 
     @cached_property
-    def _forces(self) -> tuple[tuple[ConstantForce, PointCoefficients], ...]:
+    def forces(self) -> tuple[tuple[ConstantForce, PointCoefficients], ...]:
+        """Constant forces, with the point that they act on."""
         return tuple(
             (e, self.kinematics.point(e.body, e.point))
             for e in self.kinematics.mechanism.force_elements
@@ -60,13 +63,13 @@ class AppliedForces:
         """Generalized forces of all elements, shape (..., n_q) [N m or N]."""
         rates = self.kinematics.rates(q) if rates is None else rates
         total = np.zeros(np.broadcast_shapes(q.shape, u.shape))
-        for spring, vector in self._springs:
+        for spring, vector in self.springs:
             gradient = self.kinematics.gradient(vector.coefficients, q, rates)
             force = _pull(spring, self._vector(vector, q), np.sum(gradient * u, axis=-1))
             total += (force.conj()[..., None] * gradient).real
-        for element, angle in self._rotational:
+        for element, angle in self.rotational:
             total += _torque(element, angle, q, u)[..., None] * angle.coefficients
-        for element, point in self._forces:
+        for element, point in self.forces:
             gradient = self.kinematics.gradient(point.coefficients, q, rates)
             total += (complex(*element.force).conjugate() * gradient).real
         return total
@@ -81,20 +84,20 @@ class AppliedForces:
 
     def _on_points(self, q: FloatArray, u: FloatArray) -> Iterator[tuple[str, ComplexArray]]:
         rates = self.kinematics.rates(q)
-        for spring, vector in self._springs:
+        for spring, vector in self.springs:
             speed = np.sum(self.kinematics.gradient(vector.coefficients, q, rates) * u, axis=-1)
             force = _pull(spring, self._vector(vector, q), speed)
             yield spring.body, force
             yield spring.relative_to, -force
-        for element, _ in self._forces:
+        for element, _ in self.forces:
             yield element.body, np.full(q.shape[:-1], complex(*element.force))
 
     def potential_energy(self, q: FloatArray) -> FloatArray:
         """Energy of the springs [J], shape (...,)."""
         total = np.zeros(q.shape[:-1])
-        for spring, vector in self._springs:
+        for spring, vector in self.springs:
             total += 0.5 * spring.stiffness * (np.abs(self._vector(vector, q)) - spring.rest_length) ** 2
-        for element, angle in self._rotational:
+        for element, angle in self.rotational:
             if isinstance(element, RotationalSpringDamper):
                 total += 0.5 * element.stiffness * (angle.value(q) - element.rest_angle) ** 2
         return total
@@ -105,15 +108,15 @@ class AppliedForces:
         Kinetic and potential energy (of gravity and springs) change by its time integral.
         """
         rates, total = self.kinematics.rates(q), np.zeros(q.shape[:-1])
-        for spring, vector in self._springs:
+        for spring, vector in self.springs:
             if spring.damping:
                 speed = np.sum(self.kinematics.gradient(vector.coefficients, q, rates) * u, axis=-1)
                 total -= spring.damping * _stretching(self._vector(vector, q), speed) ** 2
-        for element, angle in self._rotational:
+        for element, angle in self.rotational:
             turning = u @ angle.coefficients
             constant = element.torque * turning if isinstance(element, ConstantTorque) else 0.0
             total += constant if isinstance(element, ConstantTorque) else -element.damping * turning**2
-        for element, point in self._forces:
+        for element, point in self.forces:
             speed = np.sum(self.kinematics.gradient(point.coefficients, q, rates) * u, axis=-1)
             total += (complex(*element.force).conjugate() * speed).real
         return total

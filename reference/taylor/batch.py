@@ -1,6 +1,6 @@
 """Launches of many machines at once, each in a lane of the processor's vectors.
 
-One compiled batch integrator serves all active sets (:mod:`.system`), so a lane changes its stops without
+One compiled batch integrator serves all active sets (:mod:`.compiled`), so a lane changes its stops without
 regard to the others; a lane whose machine has launched takes the next one.
 """
 
@@ -21,8 +21,9 @@ from ...models.problem import Problem
 from ..contact import ActiveSet
 from ..equations import Equations
 from ..reactions import refuse_dependent
+from .compiled import batch_pool, torque_function
 from .machine import PROJECTILE, Structure, numbers_of, projectile_row, relevant_stops, rests_of, structure_of
-from .system import batch_pool, heyoka, torque_function
+from .system import heyoka
 
 BATCH_TOLERANCE = 1e-12
 

@@ -8,7 +8,9 @@ All that :mod:`..equations` computes with complex rates is a sum of real waves R
     G_kj = Re(z e^{i q_j}),  gamma_k = -sum_j Im(z e^{i q_j}) u_j^2   z = i conj(L_kj)
     gap_k = sum_j Im(z e^{i q_j}) - limit                   of a stop on a point: the same z as its gradient's
 
-and the same without the phase and the i of a coordinate that is a slide.
+and the same without the phase and the i of a coordinate that is a slide. A slide along a line that turns with the angle
+q_c has the phase of that angle, and, since its w is q_k e^{-i q_c}, a derivative by q_c as well: q_k times its wave,
+turned by a right angle.
 """
 
 from __future__ import annotations
@@ -20,7 +22,17 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.kinematics import AngleFunction, Kinematics, PointCoefficients, PointFunction
+from ...models.applied_forces import AppliedForces
+from ...models.arrays import ComplexArray
+from ...models.force_elements import ConstantTorque, RotationalSpringDamper
+from ...models.kinematics import (
+    AngleFunction,
+    Kinematics,
+    LineFunction,
+    PointCoefficients,
+    PointFunction,
+    ScalarFunction,
+)
 from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
@@ -28,6 +40,9 @@ from ...models.problem import Problem, StopLaw
 Real = NDArray[np.floating[Any]]
 Complex = NDArray[np.complexfloating[Any, Any]]
 RealType = type[np.float64] | type[np.longdouble]
+Row = tuple[int, ...] | int | None
+"""Gradient of a constraint: constant, on angles; of a point's component along a line that turns with the angle of that
+number; or None, of a component in a direction that does not turn: a row of waves."""
 
 PROJECTILE = "projectile"
 
@@ -38,9 +53,16 @@ class Structure:
 
     n_angles: int
     n_slides: int
-    n_loops: int
-    gap_rows: tuple[tuple[int, ...] | None, ...]
-    """Gradient of each stop's gap; None for a stop on a point, whose gradient is a row of waves."""
+    carried: tuple[tuple[int, int], ...]
+    """Index of each slide along a line that turns, and of the angle that it turns with."""
+    loop_rows: tuple[Row, ...]
+    """Of each constraint of the loop joints."""
+    gap_rows: tuple[Row, ...]
+    """Of each stop that may ever be active."""
+    springs: tuple[bool, ...]
+    """Of each spring and damper between points, whether its force depends on its length."""
+    twists: tuple[tuple[int, ...], ...]
+    """Gradient of the angle of each spring, damper or motor between angles."""
     closes: bool
     """Whether stops may close (unilateral law)."""
     present: tuple[bool, ...]
@@ -64,17 +86,25 @@ class Structure:
         return len(self.gap_rows)
 
     @property
-    def point_stops(self) -> tuple[int, ...]:
-        """Numbers of the stops on points."""
-        return tuple(k for k, row in enumerate(self.gap_rows) if row is None)
+    def n_loops(self) -> int:
+        """Number of constraints of the loop joints."""
+        return len(self.loop_rows)
 
     @property
     def sections(self) -> dict[str, tuple[int, ...]]:
         """Names and shapes of what the numbers are, in their order; the first axis is real, imaginary."""
-        n_q = self.n_q
-        shapes: dict[str, tuple[int, ...]] = {"products": (n_q, n_q), "weights": (n_q,)}
-        shapes |= {"loops": (self.n_loops, n_q), "points": (len(self.point_stops), n_q), "lead": (n_q,)}
-        return {name: (2, *shape) for name, shape in shapes.items()} | {"limits": (self.n_stops,)}
+        n_q, lines = self.n_q, sum(isinstance(row, int) for row in self.loop_rows + self.gap_rows)
+        waves: dict[str, tuple[int, ...]] = {"products": (n_q, n_q), "weights": (n_q,)}
+        waves |= {
+            "loops": (self.loop_rows.count(None), n_q),
+            "points": (self.gap_rows.count(None), n_q),
+            "lead": (n_q,),
+        }
+        vectors = {"lines": (lines, n_q), "directions": (lines,), "line_offsets": (lines,)}
+        vectors |= {"springs": (len(self.springs), n_q), "spring_offsets": (len(self.springs),)}
+        shapes = {name: (2, *shape) for name, shape in waves.items()} | {"limits": (self.n_stops,)}
+        shapes |= {name: (2, *shape) for name, shape in vectors.items()}
+        return shapes | {"spring_data": (3, len(self.springs)), "twist_data": (3, len(self.twists))}
 
     # Switches follow the numbers among the parameters.
 
@@ -112,65 +142,120 @@ def relevant_stops(problem: Problem) -> tuple[str, ...]:
 
 def structure_of(problem: Problem, kinematics: Kinematics, present: NDArray[np.bool_]) -> Structure:
     """The structure a problem's numbers belong to."""
-    gaps = [kinematics.gaps[name] for name in relevant_stops(problem)]
-    rows = [gap.coefficients if isinstance(gap, AngleFunction) else None for gap in gaps]
+    applied = AppliedForces(kinematics)
     n_angles = len(problem.mechanism.angles)
     return Structure(
         n_angles=n_angles,
         n_slides=len(problem.mechanism.coordinates) - n_angles,
-        n_loops=len(kinematics.loop_closures),
-        gap_rows=tuple(None if row is None else tuple(int(entry) for entry in row) for row in rows),
+        carried=kinematics.carried,
+        loop_rows=tuple(_row(closure) for closure in kinematics.loop_closures),
+        gap_rows=tuple(_row(kinematics.gaps[name]) for name in relevant_stops(problem)),
+        springs=tuple(bool(spring.rest_length or spring.damping) for spring, _ in applied.springs),
+        twists=tuple(_senses(angle) for _, angle in applied.rotational),
         closes=problem.stop_law is StopLaw.UNILATERAL,
         present=tuple(bool(flag) for flag in present),
         throws=bool(np.any(projectile_row(problem.mechanism, kinematics).coefficients)),
     )
 
 
+def _row(function: ScalarFunction) -> Row:
+    if isinstance(function, AngleFunction):
+        return _senses(function)
+    return function.body if isinstance(function, LineFunction) else None
+
+
+def _senses(angle: AngleFunction) -> tuple[int, ...]:
+    return tuple(int(entry) for entry in angle.coefficients)
+
+
 def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real:
     """All numbers of a machine as one vector, computed in the precision asked for; order as in `Structure.sections`."""
-    mechanism, angles = problem.mechanism, kinematics.is_angle > 0
+    mechanism, applied = problem.mechanism, AppliedForces(kinematics)
     masses = kinematics.masses.astype(real)
     centres = _wide(kinematics.centres, real)
     gaps = [kinematics.gaps[name] for name in relevant_stops(problem)]
+    constraints = [*kinematics.loop_closures, *gaps]
+    lines = [function for function in constraints if isinstance(function, LineFunction)]
 
-    def rows(of: Sequence[PointFunction]) -> Complex:
-        coefficients = np.array([row.coefficients for row in of], dtype=np.complex128).reshape(len(of), len(angles))
-        return _waves(_wide(coefficients, real), angles)
+    def waves(rows: Sequence[ComplexArray], vectors: bool = False) -> Complex:
+        return _waves(_wide(_stacked(rows, kinematics), real), kinematics, vectors)
 
     # The component across the launch direction is Im(e^{-i angle} v) = Re(-i e^{-i angle} v).
     lead = _wide(projectile_row(mechanism, kinematics).coefficients, real) * (np.exp(-1j * real(LAUNCH_ANGLE)) * -1j)
+    springs = [vector for _, vector in applied.springs]
     sections = (
-        _products(centres, masses, kinematics.inertias.astype(real), angles),
-        # Q = Re(conj(w') W) = Re(conj(W) w') with W = -i g C^H m.
-        _waves((masses @ centres) * (1j * real(mechanism.gravity)), angles),
+        _products(centres, masses, kinematics, real),
+        _waves(_pulls(centres, masses, applied, real), kinematics),
         # Rows L with Re(L w' u) the rates of the loops' constraints, and the gap speeds of the stops on points.
-        rows([closure for closure in kinematics.loop_closures if isinstance(closure, PointFunction)]),
-        rows([gap for gap in gaps if isinstance(gap, PointFunction)]),
-        _waves(lead, angles),
+        waves([row.coefficients for row in kinematics.loop_closures if isinstance(row, PointFunction)]),
+        waves([row.coefficients for row in gaps if isinstance(row, PointFunction)]),
+        _waves(lead, kinematics),
     )
-    parts = [np.stack([section.real, section.imag]).ravel() for section in sections]
-    unilateral = problem.stop_law is StopLaw.UNILATERAL
+    vectors = (
+        waves([line.vector.coefficients for line in lines], vectors=True),
+        np.array([line.direction for line in lines], dtype=np.complex128),
+        np.array([line.vector.offset for line in lines], dtype=np.complex128),
+        waves([vector.coefficients for vector in springs], vectors=True),
+        np.array([vector.offset for vector in springs], dtype=np.complex128),
+    )
     # What is taken off the waves (or angles) of a gap.
-    limits = [-gap.constant * unilateral for gap in gaps]
-    return cast("Real", np.concatenate([*parts, np.array(limits, dtype=real)]).astype(real))
+    limits = [-gap.constant * (problem.stop_law is StopLaw.UNILATERAL) for gap in gaps]
+    spring_data = [(spring.stiffness, spring.damping, spring.rest_length) for spring, _ in applied.springs]
+    twist_data = [_twist(element, angle) for element, angle in applied.rotational]
+    parts = [_flat(section) for section in sections] + [np.array(limits)] + [_flat(section) for section in vectors]
+    parts += [np.array(data).reshape(-1, 3).T.ravel() for data in (spring_data, twist_data)]
+    return cast("Real", np.concatenate(parts).astype(real))
+
+
+def _flat(section: Complex) -> Real:
+    return cast("Real", np.stack([section.real, section.imag]).ravel())
+
+
+def _stacked(rows: Sequence[ComplexArray], kinematics: Kinematics) -> ComplexArray:
+    return np.array(rows, dtype=np.complex128).reshape(len(rows), len(kinematics.is_angle))
+
+
+def _pulls(centres: Complex, masses: Real, applied: AppliedForces, real: RealType) -> Complex:
+    """Coefficients c of the weights and constant forces, whose generalized forces are Re(c w')."""
+    mechanism = applied.kinematics.mechanism
+    direction = _wide(np.array(complex(*mechanism.gravity_direction).conjugate()), real)
+    pulls = (masses @ centres) * (direction * real(mechanism.gravity))
+    for element, point in applied.forces:
+        pulls = pulls + _wide(complex(*element.force).conjugate() * point.coefficients, real)
+    return cast("Complex", pulls)
+
+
+def _twist(element: RotationalSpringDamper | ConstantTorque, angle: AngleFunction) -> tuple[float, float, float]:
+    """Stiffness, damping, and torque where the coordinates and speeds are zero."""
+    if isinstance(element, ConstantTorque):
+        return 0.0, 0.0, element.torque
+    return element.stiffness, element.damping, element.stiffness * (element.rest_angle - angle.constant)
 
 
 def _wide(values: NDArray[np.complex128], real: RealType) -> Complex:
     return values.astype(np.result_type(real, np.complex64))
 
 
-def _waves(rows: Complex, angles: NDArray[np.bool_]) -> Complex:
-    """Waves z with Re(row w') = Re(z e^{iq}) for an angle, w' = -i e^{-iq}, and Re(z) for a slide, w' = 1."""
-    return cast("Complex", np.where(angles, 1j * rows.conj(), rows.real))
+def _waves(rows: Complex, kinematics: Kinematics, vectors: bool = False) -> Complex:
+    """Waves z with Re(row w') = Re(z e^{iq}) for an angle, w' = -i e^{-iq}, and Re(z) for a slide, w' = 1.
+
+    Args:
+        vectors: whether both parts of row w' are needed; of a slide on a line that turns they always are.
+    """
+    slides = rows.conj() if vectors else rows.real.astype(rows.dtype)
+    for k, _ in kinematics.carried:
+        slides[..., k] = rows[..., k].conj()
+    return cast("Complex", np.where(kinematics.is_angle > 0, 1j * rows.conj(), slides))
 
 
-def _products(centres: Complex, masses: Real, inertias: Real, angles: NDArray[np.bool_]) -> Complex:
+def _products(centres: Complex, masses: Real, kinematics: Kinematics, real: RealType) -> Complex:
     """Upper triangle of C^H diag(m) C as waves: H_ij = conj(w'_i) K_ij w'_j."""
     products = np.triu((centres.conj().T * masses) @ centres)
-    n = int(angles.sum())
+    n, carried = int(kinematics.is_angle.sum()), {k for k, _ in kinematics.carried}
     products[:n, n:] *= 1j
-    products[n:, n:] = products[n:, n:].real
-    np.fill_diagonal(products, products.diagonal().real + inertias)
+    level = [k for k in range(n, len(products)) if k not in carried]
+    products[np.ix_(level, level)] = products[np.ix_(level, level)].real
+    np.fill_diagonal(products, products.diagonal().real + kinematics.inertias.astype(real))
     return cast("Complex", products)
 
 

@@ -16,21 +16,19 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
-from ...models.features import Feature, refuse_features
 from ...models.launch import Launch, is_launch, lead
 from ...models.problem import Problem
 from ..contact import ActiveSet, EventFunction, PostEventState
 from ..equations import Equations
 from ..reactions import refuse_dependent
 from ..solution import Segment, Solution
+from .compiled import scalar_pool, torque_function
 from .crossing import Crossing, Crossings, WindowOutput
 from .dense_output import TaylorOutput
 from .machine import Real, numbers_of, projectile_row, relevant_stops, rests_of, structure_of
 from .precision import Precision, checked_tolerance, real_of
-from .system import heyoka, scalar_pool, torque_function
+from .system import heyoka
 
-FEATURES: frozenset[Feature] = frozenset()
-"""Elements that it has."""
 _MAX_EVENTS = 10_000
 _ROUNDING = 1e-12  # [rad] a gap this little off zero may be zero
 _STANDING = 1e-9  # [rad/s] a gap speed below this is rounding
@@ -57,7 +55,6 @@ def solve_taylor(problem: Problem, tolerance: float | None = None, precision: Pr
         SimulationError: the motion left the finite numbers, or there are more than ten thousand events.
     """
     started = time.perf_counter()
-    refuse_features(problem.mechanism, FEATURES, "the Taylor integrator")
     run = _Integration(problem, tolerance, precision)
     run.integrate(record=True)
     return Solution(
@@ -107,7 +104,6 @@ def taylor_quantities(
     Raises:
         EngineNotInstalledError, InputError, SimulationError: as :func:`solve_taylor`.
     """
-    refuse_features(problem.mechanism, FEATURES, "the Taylor integrator")
     run = _Integration(problem, tolerance, precision)
     run.integrate(to_launch=True)
     launch = run.launched

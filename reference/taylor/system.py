@@ -1,4 +1,4 @@
-r"""The equations of motion and the events as heyoka expressions, and their compilation.
+r"""The equations of motion and the events as heyoka expressions.
 
 One compiled integrator serves every machine of a structure and every active set: the numbers are runtime
 parameters, and a stop is switched by a parameter h, 1 active and 0 free, in the symmetric system
@@ -14,21 +14,17 @@ positive definite and what elimination leaves of the constraints is negative def
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Generator, Iterable, Sequence
-from contextlib import contextmanager
-from copy import deepcopy
-from functools import cached_property, lru_cache
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
+from typing import Any, cast
 
 import numpy as np
 
 from ...models.errors import EngineNotInstalledError
-from .machine import RealType, Structure
-
-_KEPT = 32  # compiled systems; one takes about a megabyte and a second
-
-_Wave = tuple[Any, Any]
-"""Re and Im of z e^{i phase} as expressions; None where zero by structure."""
+from .machine import Row, Structure
+from .sparse import Matrix, Pair, combined, elimination, minus, multiplied, put, solve_ldl, times, total
 
 
 def heyoka() -> Any:
@@ -70,7 +66,7 @@ class TaylorSystem:
         return [
             *zip(self.q, self.u, strict=True),
             *zip(self.u, a, strict=True),
-            (self.observer, _sum([*waves, -self.observer])),
+            (self.observer, total([*waves, -self.observer])),
         ]
 
     @cached_property
@@ -113,19 +109,29 @@ class TaylorSystem:
             start += size
         return sections
 
-    def _wave(self, section: str, at: tuple[int, ...], i: int, j: int | None = None) -> _Wave:
-        """Re and Im of z e^{i(q_i - q_j)}, the phase of a slide being none."""
+    def _wave(self, section: str, at: tuple[int, ...], i: int, j: int | None = None) -> Pair:
+        """Re and Im of z e^{i(p_i - p_j)}, the phases p of an angle itself, of a slide that of its line (if any)."""
         real, imaginary = (self._numbers[section][(part, *at)] for part in (0, 1))
         if real is None and imaginary is None:
             return None, None
-        n = self.structure.n_angles
-        if i >= n or i == j:
-            return real, None
-        cosine, sine = self._phase(i, j if j is not None and j < n else None)
+        first, second = self._phases[i], None if j is None else self._phases[j]
+        if first == second:
+            return real, imaginary
+        if first is None:
+            cosine, sine = self._phase(cast("int", second), None)
+            sine = -sine
+        else:
+            cosine, sine = self._phase(first, second)
         return (
-            _sum([_times(real, cosine), _minus(_times(imaginary, sine))]),
-            _sum([_times(real, sine), _times(imaginary, cosine)]),
+            total([times(real, cosine), minus(times(imaginary, sine))]),
+            total([times(real, sine), times(imaginary, cosine)]),
         )
+
+    @cached_property
+    def _phases(self) -> list[int | None]:
+        s = self.structure
+        turning = dict(s.carried)
+        return [*range(s.n_angles), *(turning.get(k) for k in range(s.n_angles, s.n_q))]
 
     def _phase(self, i: int, j: int | None) -> tuple[Any, Any]:
         if (i, j) not in self._cosines:
@@ -137,166 +143,222 @@ class TaylorSystem:
     def _squares(self) -> list[Any]:
         return [u * u for u in self.u[: self.structure.n_angles]]
 
+    @cached_property
+    def _curvature(self) -> list[Pair]:
+        """Minus the second derivatives of w without accelerations, over its own rates."""
+        s = self.structure
+        found: list[Pair] = [(None, square) for square in self._squares] + [(None, None)] * s.n_slides
+        for k, c in s.carried:
+            found[k] = (self.q[k] * self._squares[c], 2.0 * self.u[k] * self.u[c])
+        return found
+
+    def _component(self, section: str, *at: int) -> tuple[list[Any], Any]:
+        """Gradient of a row of waves, and minus what its second derivative is without accelerations."""
+        waves = [self._wave(section, (*at, j), j) for j in range(self.structure.n_q)]
+        gradient = [wave[0] for wave in waves]
+        for k, c in self.structure.carried:
+            gradient[c] = total([gradient[c], minus(times(self.q[k], waves[k][1]))])
+        inward = [times(waves[j][1], self._squares[j]) for j in range(self.structure.n_angles)]
+        for k, _ in self.structure.carried:
+            real, imaginary = self._curvature[k]
+            inward += [times(waves[k][0], real), times(waves[k][1], imaginary)]
+        return gradient, total(inward)
+
+    def _vector(self, section: str, offsets: str, at: int) -> Vector:
+        """A vector between points, from the waves z of its parts: i Im(z) + Re(z) conjugated is d/dq of an angle's."""
+        s = self.structure
+        waves = [self._wave(section, (at, j), j) for j in range(s.n_q)]
+        gradient: list[Pair] = [(real, minus(imaginary)) for real, imaginary in waves]
+        constant: Pair = (self._numbers[offsets][0, at], self._numbers[offsets][1, at])
+        angles: list[tuple[Any, Pair]] = [(1.0, (imaginary, real)) for real, imaginary in waves[: s.n_angles]]
+        slides = list(zip(self.q[s.n_angles :], gradient[s.n_angles :], strict=True))
+        inward = [multiplied(mu, part) for mu, part in zip(self._curvature, gradient, strict=True)]
+        for k, c in s.carried:
+            gradient[c] = combined([(1.0, gradient[c]), (-self.q[k], (waves[k][1], waves[k][0]))])
+        return Vector(
+            combined([(1.0, constant), *angles, *slides]),
+            gradient,
+            combined(zip(self.u, gradient, strict=True)),
+            combined((1.0, part) for part in inward),
+        )
+
     def _gap(self, k: int) -> Any:
-        row = self.structure.gap_rows[k]
+        row, limit = self.structure.gap_rows[k], minus(self._numbers["limits"][k])
+        place = self._places[self.structure.n_loops + k]
+        if isinstance(row, int):
+            return total([self._line(place, row)[2], limit])
         if row is None:
-            waves = [self._gap_term(self.structure.point_stops.index(k), j) for j in range(self.structure.n_q)]
-            return _sum([*waves, _minus(self._numbers["limits"][k])])
+            return total([*(self._gap_term(place, j) for j in range(self.structure.n_q)), limit])
         turned = [q if sense > 0 else -q for q, sense in zip(self.q, row, strict=False) if sense]
-        return _sum([*turned, _minus(self._numbers["limits"][k])])
+        return total([*turned, limit])
 
     def _gap_term(self, point: int, j: int) -> Any:
         """The term of one coordinate in a point stop's gap: Im of its gradient's wave; of a slide, itself times Re."""
         real, imaginary = self._wave("points", (point, j), j)
-        return _times(real, self.q[j]) if j >= self.structure.n_angles else imaginary
+        return times(real, self.q[j]) if j >= self.structure.n_angles else imaginary
+
+    @cached_property
+    def _places(self) -> list[int]:
+        """Where in its section each constraint stands that is not one of angles, loops first."""
+        loops, stops = self.structure.loop_rows, self.structure.gap_rows
+        lines = list(accumulate((isinstance(row, int) for row in loops + stops), initial=0))
+        waves = [*accumulate((row is None for row in loops), initial=0)][:-1]
+        waves += accumulate((row is None for row in stops), initial=0)
+        rows = zip(loops + stops, lines, waves, strict=False)  # the sums have one number more
+        return [line if isinstance(row, int) else wave for row, line, wave in rows]
 
     @cached_property
     def _lead(self) -> Any:
         """The projectile's velocity across the launch direction (:func:`...models.launch.lead`)."""
-        terms = [_times(self._wave("lead", (j,), j)[0], u) for j, u in enumerate(self.u)]
-        return _sum(terms)
+        return total(times(slope, u) for slope, u in zip(self._component("lead")[0], self.u, strict=True))
+
+    def _line(self, number: int, body: int) -> tuple[list[Any], Any, Any]:
+        """Gradient of a component in a direction that turns, minus its second derivative, and the component itself."""
+        vector = self._vector("lines", "line_offsets", number)
+        real, imaginary = (self._numbers["directions"][part, number] for part in (0, 1))
+        along = multiplied((real, minus(imaginary)), self._phase(body, None))
+        gradient = [multiplied(along, part)[0] for part in vector.gradient]
+        value, across = multiplied(along, vector.value)
+        gradient[body] = total([gradient[body], minus(across)])
+        spin = self.u[body]
+        inward = [
+            multiplied(along, vector.inward)[0],
+            times(2.0 * spin, multiplied(along, vector.rate)[1]),
+            times(self._squares[body], value),
+        ]
+        return gradient, total(inward), value
+
+    def _constraint(self, row: Row, place: int, section: str) -> tuple[list[Any], Any]:
+        """Gradient of a constraint, and minus gamma."""
+        if isinstance(row, int):
+            return self._line(place, row)[:2]
+        if row is None:
+            return self._component(section, place)
+        return [float(sense) if sense else None for sense in row], None
 
     @cached_property
     def _solved(self) -> list[Any]:
         """Accelerations, then minus the multipliers of loops and stops."""
+        matrix, right = self._kkt
+        return solve_ldl(matrix, right, self._order[0])
+
+    @cached_property
+    def operations(self) -> int:
+        """About how many products one evaluation takes: of the elimination, and three of each wave."""
+        return self._order[1] + 3 * len(self._cosines)
+
+    @cached_property
+    def _kkt(self) -> tuple[Matrix, list[Any]]:
+        """Matrix and right-hand side of the system above."""
         s = self.structure
         matrix, right = self._mass_and_forces()
         for k in range(s.n_loops):
-            row, bias = s.n_q + k, list[Any]()
-            for j in range(s.n_q):
-                real, imaginary = self._wave("loops", (k, j), j)
-                _put(matrix, row, j, real)
-                bias.append(_times(imaginary, self._squares[j]) if j < s.n_angles else None)
-            right.append(_sum(bias))  # -gamma
-        for k, gap_row in enumerate(s.gap_rows):
+            gradient, inward = self._constraint(s.loop_rows[k], self._places[k], "loops")
+            right.append(inward)
+            for j, slope in enumerate(gradient):
+                put(matrix, s.n_q + k, j, slope)
+        for k in range(s.n_stops):
             row, active = s.n_q + s.n_loops + k, self._par(s.active.start + k)
-            _put(matrix, row, row, active - 1.0)
-            if gap_row is None:
-                right.append(self._hold_point(matrix, row, s.point_stops.index(k), active))
-                continue
-            for j, sense in enumerate(gap_row):
-                _put(matrix, row, j, {1: active, -1: -active, 0: None}[sense])
-            right.append(None)
+            put(matrix, row, row, active - 1.0)
+            gradient, inward = self._constraint(s.gap_rows[k], self._places[s.n_loops + k], "points")
+            right.append(times(active, inward))
+            for j, slope in enumerate(gradient):
+                put(matrix, row, j, _switched(active, slope))
+        return matrix, right
+
+    @cached_property
+    def _order(self) -> tuple[list[int], int]:
+        """Order of elimination and what it costs."""
+        matrix, right = self._kkt
+        n_angles = self.structure.n_angles
         # Outer bodies first: a tree then fills in nothing. Slides couple all bodies and come after them.
-        order = [*reversed(range(s.n_angles)), *range(s.n_angles, len(right))]
-        solved = solve_ldl(matrix, right, order)
-        # A coordinate that nothing accelerates has a plain zero, of which heyoka makes no expression by itself.
-        return [self._hy.expression(value) if isinstance(value, float) else value for value in solved]
+        usual = [*reversed(range(n_angles)), *range(n_angles, len(right))]
+        return elimination(matrix, self.structure.n_q, usual)
 
-    def _hold_point(self, matrix: dict[tuple[int, int], Any], row: int, point: int, active: Any) -> Any:
-        """Put a point stop's gradient into its row; what belongs on the right, -gamma."""
-        bias: list[Any] = []
-        for j in range(self.structure.n_q):
-            real, imaginary = self._wave("points", (point, j), j)
-            _put(matrix, row, j, _times(active, real))
-            bias.append(_times(imaginary, self._squares[j]) if j < self.structure.n_angles else None)
-        return _times(active, _sum(bias))
-
-    def _mass_and_forces(self) -> tuple[dict[tuple[int, int], Any], list[Any]]:
+    def _mass_and_forces(self) -> tuple[Matrix, list[Any]]:
         s = self.structure
-        matrix: dict[tuple[int, int], Any] = {}
-        forces: list[list[Any]] = [[self._wave("weights", (i,), i)[0]] for i in range(s.n_q)]
+        matrix: Matrix = {}
+        forces: list[list[Any]] = [[slope] for slope in self._component("weights")[0]]
         for i in range(s.n_q):
             for j in range(i, s.n_q):
-                real, imaginary = self._wave("products", (i, j), i, j)
-                _put(matrix, i, j, real)
-                if j < s.n_angles and j > i:
-                    forces[i].append(_minus(_times(imaginary, self._squares[j])))
-                if i < s.n_angles and j > i:  # H_ji = conj(H_ij)
-                    forces[j].append(_times(imaginary, self._squares[i]))
-        return matrix, [_sum(terms) for terms in forces]
+                wave = self._wave("products", (i, j), i, j)
+                for a, b, entry in self._mass_terms(i, j, wave):
+                    put(matrix, a, b, total([matrix.get((a, b)), entry]))
+                for a, force in self._centrifugal(i, j, wave):
+                    forces[a].append(force)
+        for j, force in (*self._of_springs(), *self._of_twists()):
+            forces[j].append(force)
+        return matrix, [total(terms) for terms in forces]
+
+    def _mass_terms(self, i: int, j: int, wave: Pair) -> Iterator[tuple[int, int, Any]]:
+        """Entries of the mass matrix that an entry of H makes, i <= j: its own, and slides' on turning lines."""
+        real, imaginary = wave
+        yield i, j, real
+        turning = dict(self.structure.carried)
+        c, d = turning.get(i), turning.get(j)
+        if c is not None:  # by the angle that slide i is carried by: q_i Re(i H)
+            yield from _mirrored(c, j, minus(times(self.q[i], imaginary)), i != j)
+        if d is not None and i != j:
+            yield from _mirrored(d, i, times(self.q[j], imaginary), True)
+        if c is not None and d is not None:
+            yield from _mirrored(c, d, times(self.q[i] * self.q[j], real), i != j)
+
+    def _centrifugal(self, i: int, j: int, wave: Pair) -> Iterator[tuple[int, Any]]:
+        """Minus what an entry of H, i <= j, adds to b."""
+        conjugate = (wave[0], minus(wave[1]))
+        pairs = ((i, j, wave), (j, i, conjugate)) if i != j else ((i, j, wave),)
+        turning = dict(self.structure.carried)
+        for k, other, entry in pairs:
+            real, imaginary = multiplied(entry, self._curvature[other])
+            yield k, real
+            if k in turning:
+                yield turning[k], minus(times(self.q[k], imaginary))
+
+    def _of_springs(self) -> Iterator[tuple[int, Any]]:
+        """Generalized forces of springs and dampers between points."""
+        for k, needs_length in enumerate(self.structure.springs):
+            stiffness, damping, rest = self._numbers["spring_data"][:, k]
+            vector = self._vector("springs", "spring_offsets", k)
+            factor = minus(stiffness)
+            if needs_length:
+                square = total(times(part, part) for part in vector.value)
+                stretching = total(times(part, rate) for part, rate in zip(vector.value, vector.rate, strict=True))
+                of_rest, of_rate = times(stiffness, rest), minus(times(damping, stretching))
+                over_length = None if of_rest is None else of_rest / self._hy.sqrt(square)
+                factor = total([factor, over_length, None if of_rate is None else of_rate / square])
+            force = combined([(factor, vector.value)])
+            for j, slope in enumerate(vector.gradient):
+                yield j, total(times(f, part) for f, part in zip(force, slope, strict=True))
+
+    def _of_twists(self) -> Iterator[tuple[int, Any]]:
+        """Generalized forces of springs, dampers and motors between angles."""
+        for k, row in enumerate(self.structure.twists):
+            stiffness, damping, constant = self._numbers["twist_data"][:, k]
+            turned = total(q * float(sense) for q, sense in zip(self.q, row, strict=True) if sense)
+            turning = total(u * float(sense) for u, sense in zip(self.u, row, strict=True) if sense)
+            torque = total([constant, minus(times(stiffness, turned)), minus(times(damping, turning))])
+            for j, sense in enumerate(row):
+                yield j, times(torque, float(sense) if sense else None)
 
 
-def _put(matrix: dict[tuple[int, int], Any], i: int, j: int, value: Any) -> None:
-    if value is not None:
-        matrix[i, j] = matrix[j, i] = value
+@dataclass(frozen=True)
+class Vector:
+    """A vector between points as expressions."""
+
+    value: Pair
+    gradient: list[Pair]
+    rate: Pair
+    inward: Pair
+    """Minus its second derivative without accelerations."""
 
 
-def _times(x: Any, y: Any) -> Any:
-    return None if x is None or y is None else x * y
+def _switched(active: Any, slope: Any) -> Any:
+    """A gradient's entry times a switch."""
+    if isinstance(slope, float):
+        return active if slope > 0 else -active
+    return times(active, slope)
 
 
-def _minus(x: Any) -> Any:
-    return None if x is None else -x
-
-
-def _sum(terms: Iterable[Any]) -> Any:
-    kept = [term for term in terms if term is not None]
-    return sum(kept[1:], kept[0]) if kept else None
-
-
-def solve_ldl(matrix: dict[tuple[int, int], Any], right: Sequence[Any], order: Sequence[int]) -> list[Any]:
-    """Solve a sparse symmetric system by L D L^T in the given order, without pivoting.
-
-    Args:
-        matrix: both triangles; what is zero by structure is absent.
-        right: the right-hand side; None where zero by structure.
-        order: of elimination.
-    """
-    a, b = dict(matrix), list(right)
-    for step, k in enumerate(order):
-        below = [i for i in order[step + 1 :] if (i, k) in a]
-        factors = {i: a[i, k] / a[k, k] for i in below}
-        for i, factor in factors.items():
-            for j in below:
-                a[i, j] = _sum([a.get((i, j)), -(factor * a[j, k])])
-            b[i] = _sum([b[i], _minus(_times(factor, b[k]))])
-    x: dict[int, Any] = {}
-    for step, k in reversed(list(enumerate(order))):
-        rest = [_minus(_times(a.get((k, i)), x[i])) for i in order[step + 1 :]]
-        x[k] = _sum([b[k], *rest])
-        x[k] = None if x[k] is None else x[k] / a[k, k]
-    return [x[k] if x[k] is not None else 0.0 for k in range(len(right))]
-
-
-class _Pool:
-    """Integrators of one kind that are not in use: lending is re-entrant and safe between threads."""
-
-    def __init__(self, make: Callable[[], Any]) -> None:
-        self._prototype = make()
-        self._idle: list[Any] = []
-
-    @contextmanager
-    def lend(self) -> Generator[Any, None, None]:
-        try:
-            integrator = self._idle.pop()
-        except IndexError:
-            integrator = deepcopy(self._prototype)  # a millisecond; compiling takes a second
-        yield integrator
-        self._idle.append(integrator)  # not after an error: its state is then unknown
-
-
-@lru_cache(_KEPT)
-def scalar_pool(structure: Structure, tolerance: float, real: RealType) -> _Pool:
-    """Integrators of one machine at a time, with the system's events as terminal ones."""
-
-    def make() -> Any:
-        hy, system = heyoka(), TaylorSystem(structure)
-        falls = hy.event_direction.negative
-        events = [hy.t_event(function, direction=falls, fp_type=real) for function in system.events]
-        state = np.zeros(structure.n_states, dtype=real)
-        pars = np.ones(structure.n_parameters, dtype=real)
-        return hy.taylor_adaptive(system.rates, state, pars=pars, t_events=events, tol=real(tolerance), fp_type=real)
-
-    return _Pool(make)
-
-
-@lru_cache(_KEPT)
-def batch_pool(structure: Structure, tolerance: float, lanes: int) -> _Pool:
-    """Integrators of several machines at once, in the lanes of the processor's vectors."""
-
-    def make() -> Any:
-        hy, system = heyoka(), TaylorSystem(structure)
-        falls = hy.event_direction.negative
-        events = [hy.t_event_batch(function, direction=falls) for function in system.events]
-        state, pars = np.zeros((structure.n_states, lanes)), np.ones((structure.n_parameters, lanes))
-        return hy.taylor_adaptive_batch(system.rates, state, pars=pars, t_events=events, tol=tolerance)
-
-    return _Pool(make)
-
-
-@lru_cache(_KEPT)
-def torque_function(structure: Structure, real: RealType) -> Any:
-    """Stop torques: f(state, pars=...), shapes (2 n_q,) or (2 n_q, n); the parameters end with the active switches."""
-    hy, system = heyoka(), TaylorSystem(structure)
-    return hy.cfunc(system.torques, [*system.q, *system.u], fp_type=real)
+def _mirrored(i: int, j: int, value: Any, twice: bool) -> Iterator[tuple[int, int, Any]]:
+    """An entry that (i, j) and (j, i) of a product both make: on the diagonal they add up."""
+    yield min(i, j), max(i, j), times(2.0, value) if i == j and twice else value

@@ -1,0 +1,74 @@
+"""Compilation of a structure's equations, and the integrators that are kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from copy import deepcopy
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from .machine import RealType, Structure
+from .system import TaylorSystem, heyoka
+
+_KEPT = 32  # compiled systems; one takes about a megabyte and a second
+_UNROLLED = 250  # products: of more the code is not unrolled, for compilation of all at once grows faster than they do
+
+
+def _is_compact(system: TaylorSystem) -> bool:
+    return system.operations > _UNROLLED
+
+
+class _Pool:
+    """Integrators of one kind that are not in use: lending is re-entrant and safe between threads."""
+
+    def __init__(self, make: Callable[[], Any]) -> None:
+        self._prototype = make()
+        self._idle: list[Any] = []
+
+    @contextmanager
+    def lend(self) -> Generator[Any, None, None]:
+        try:
+            integrator = self._idle.pop()
+        except IndexError:
+            integrator = deepcopy(self._prototype)  # a millisecond; compiling takes a second
+        yield integrator
+        self._idle.append(integrator)  # not after an error: its state is then unknown
+
+
+@lru_cache(_KEPT)
+def scalar_pool(structure: Structure, tolerance: float, real: RealType) -> _Pool:
+    """Integrators of one machine at a time, with the system's events as terminal ones."""
+
+    def make() -> Any:
+        hy, system = heyoka(), TaylorSystem(structure)
+        falls = hy.event_direction.negative
+        events = [hy.t_event(function, direction=falls, fp_type=real) for function in system.events]
+        state = np.zeros(structure.n_states, dtype=real)
+        pars = np.ones(structure.n_parameters, dtype=real)
+        return hy.taylor_adaptive(system.rates, state, pars=pars, t_events=events, tol=real(tolerance), fp_type=real)
+
+    return _Pool(make)
+
+
+@lru_cache(_KEPT)
+def batch_pool(structure: Structure, tolerance: float, lanes: int) -> _Pool:
+    """Integrators of several machines at once, in the lanes of the processor's vectors."""
+
+    def make() -> Any:
+        hy, system = heyoka(), TaylorSystem(structure)
+        falls = hy.event_direction.negative
+        events = [hy.t_event_batch(function, direction=falls) for function in system.events]
+        state, pars = np.zeros((structure.n_states, lanes)), np.ones((structure.n_parameters, lanes))
+        return hy.taylor_adaptive_batch(system.rates, state, pars=pars, t_events=events, tol=tolerance)
+
+    return _Pool(make)
+
+
+@lru_cache(_KEPT)
+def torque_function(structure: Structure, real: RealType) -> Any:
+    """Stop torques: f(state, pars=...), shapes (2 n_q,) or (2 n_q, n); the parameters end with the active switches."""
+    hy, system = heyoka(), TaylorSystem(structure)
+    return hy.cfunc(system.torques, [*system.q, *system.u], fp_type=real)
