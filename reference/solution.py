@@ -77,7 +77,7 @@ class Solution:
     impacts: tuple[tuple[float, dict[str, float]], ...]
     """Time [s] and impulses [N m s] of every impact."""
     evaluations: int
-    settings: Mapping[str, float]
+    settings: Mapping[str, object]
     wall_time: float
     rest_times: Mapping[str, tuple[float, ...]] = field(default_factory=dict[str, tuple[float, ...]])
     """By stop, when it ceased to bounce, or was met without rebound, and stayed closed [s]."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 from collections.abc import Mapping, Sequence
 from typing import Annotated, ClassVar, Literal
 
@@ -18,6 +17,7 @@ from ...models.spec import Real
 from ...reference.certification.redundant import RedundantSystem
 from ...reference.solution import Solution
 from ...reference.solver import TOLERANCE, solve
+from ...reference.taylor.choice import why_not_taylor
 from ...reference.taylor.solve import solve_taylor
 from ..inspection import Dynamics, Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording
@@ -51,7 +51,8 @@ class ReferenceEngine(BuiltinEngine):
     stock_options: ClassVar[Mapping[str, object]] = {"rtol": 1e-9, "atol": 1e-9}
 
     integrator: Literal["dop853", "taylor", "auto"] = Field(
-        default="dop853", description="SciPy's DOP853, heyoka's Taylor series, or Taylor where heyoka is installed"
+        default="dop853",
+        description="SciPy's DOP853, heyoka's Taylor series, or these where heyoka can take them",
     )
     rtol: _Tolerance = Field(
         default=TOLERANCE, description="relative local error of DOP853; Taylor series go to the last digit"
@@ -59,10 +60,14 @@ class ReferenceEngine(BuiltinEngine):
     atol: _Tolerance = Field(default=TOLERANCE, description="absolute local error [rad, m, rad/s, m/s]")
 
     def solve(self, problem: Problem) -> Solution:
-        """The continuous solution behind :meth:`simulate`."""
-        if self.integrator == "dop853" or (self.integrator == "auto" and not _has_heyoka()):
-            return solve(problem, self.rtol, self.atol)
-        return solve_taylor(problem)
+        """The continuous solution behind :meth:`simulate`; its settings say why "auto" did not take Taylor series."""
+        if self.integrator == "taylor":
+            return solve_taylor(problem)
+        reason = why_not_taylor(problem) if self.integrator == "auto" else "asked for"
+        if reason is None:
+            return solve_taylor(problem)
+        solution = solve(problem, self.rtol, self.atol)
+        return dataclasses.replace(solution, settings={**solution.settings, "integrator": f"dop853: {reason}"})
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The machine once more in redundant coordinates: the gate measures by the minimal ones."""
@@ -96,10 +101,6 @@ def _redundant_dynamics(mechanism: Mechanism, state: State) -> Dynamics:
         centres={body.name: system.point(y, a, body.name, body.centre)[0] for body in mechanism.bodies},
         stop_gaps={name: system.gap(y[: system.n], name) for name in state.closed},
     )
-
-
-def _has_heyoka() -> bool:
-    return importlib.util.find_spec("heyoka") is not None
 
 
 def sample_times(duration: float, interval: float, events: list[float]) -> FloatArray:

@@ -37,6 +37,7 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ..solution import Solution
 from ..solver import characteristic_time, solve, solve_until
+from ..taylor.choice import why_not_taylor
 from .certificate import Certificate, Computation, Figure
 from .quantities import BEYOND_LAUNCH, Key, Motion, Plan, PointState, plan, read_quantities
 from .redundant import solve_redundant
@@ -296,8 +297,8 @@ def _taylor_tasks(problem: Problem, plan: Plan) -> Iterator[_Task | str]:
     precisions: dict[Precision, int] = {"double": 64, "extended": 80}
     for precision, bits in precisions.items():
         name = f"taylor, {precision}"
-        if importlib.util.find_spec("heyoka") is None:
-            yield f"{name}: heyoka is not installed"
+        if (reason := why_not_taylor(problem)) is not None:
+            yield f"{name}: {reason}"
             continue
         computation = Computation(
             name=name,

@@ -14,7 +14,7 @@ from .machine import RealType, Structure
 from .system import TaylorSystem, heyoka
 
 _KEPT = 32  # compiled systems; one takes about a megabyte and a second
-_UNROLLED = 250  # products: of more the code is not unrolled, for compilation of all at once grows faster than they do
+_UNROLLED = 90  # products of one evaluation; compiling more without loops takes longer than it saves
 
 
 def _is_compact(system: TaylorSystem) -> bool:
@@ -48,7 +48,15 @@ def scalar_pool(structure: Structure, tolerance: float, real: RealType) -> _Pool
         events = [hy.t_event(function, direction=falls, fp_type=real) for function in system.events]
         state = np.zeros(structure.n_states, dtype=real)
         pars = np.ones(structure.n_parameters, dtype=real)
-        return hy.taylor_adaptive(system.rates, state, pars=pars, t_events=events, tol=real(tolerance), fp_type=real)
+        return hy.taylor_adaptive(
+            system.rates,
+            state,
+            pars=pars,
+            t_events=events,
+            tol=real(tolerance),
+            fp_type=real,
+            compact_mode=_is_compact(system),
+        )
 
     return _Pool(make)
 
@@ -62,7 +70,10 @@ def batch_pool(structure: Structure, tolerance: float, lanes: int) -> _Pool:
         falls = hy.event_direction.negative
         events = [hy.t_event_batch(function, direction=falls) for function in system.events]
         state, pars = np.zeros((structure.n_states, lanes)), np.ones((structure.n_parameters, lanes))
-        return hy.taylor_adaptive_batch(system.rates, state, pars=pars, t_events=events, tol=tolerance)
+        compact = _is_compact(system)
+        return hy.taylor_adaptive_batch(
+            system.rates, state, pars=pars, t_events=events, tol=tolerance, compact_mode=compact
+        )
 
     return _Pool(make)
 
@@ -71,4 +82,4 @@ def batch_pool(structure: Structure, tolerance: float, lanes: int) -> _Pool:
 def torque_function(structure: Structure, real: RealType) -> Any:
     """Stop torques: f(state, pars=...), shapes (2 n_q,) or (2 n_q, n); the parameters end with the active switches."""
     hy, system = heyoka(), TaylorSystem(structure)
-    return hy.cfunc(system.torques, [*system.q, *system.u], fp_type=real)
+    return hy.cfunc(system.torques, [*system.q, *system.u], fp_type=real, compact_mode=_is_compact(system))

@@ -61,7 +61,7 @@ class TaylorSystem:
         may make both vanish: a pendulum let go from level has only every fourth power of time in its angle, and steps
         then become far too long. The observer s' = sum_i (cos q_i + sin q_i) - s has no such symmetry, and is bounded.
         """
-        a = self._solved[: self.structure.n_q]
+        a = self.solved[: self.structure.n_q]
         waves = [wave for i in range(self.structure.n_angles) for wave in self._phase(i, None)]
         return [
             *zip(self.q, self.u, strict=True),
@@ -73,7 +73,7 @@ class TaylorSystem:
     def torques(self) -> list[Any]:
         """Torque of each stop [N m]: zero where it is free."""
         first = self.structure.n_q + self.structure.n_loops
-        return [-multiplier for multiplier in self._solved[first:]]
+        return [-multiplier for multiplier in self.solved[first:]]
 
     @cached_property
     def events(self) -> list[Any]:
@@ -237,7 +237,7 @@ class TaylorSystem:
         return [float(sense) if sense else None for sense in row], None
 
     @cached_property
-    def _solved(self) -> list[Any]:
+    def solved(self) -> list[Any]:
         """Accelerations, then minus the multipliers of loops and stops."""
         matrix, right = self._kkt
         return solve_ldl(matrix, right, self._order[0])

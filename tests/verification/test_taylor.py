@@ -16,11 +16,18 @@ import pytest
 import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given
-from mechanisms import angle_stop, hanging_bob, slider_crank
+from mechanisms import angle_stop, body_of, everything, hanging_bob, pin, slider_crank
 from scipy.special import ellipk
+from trebucheck.engines.reference.engine import ReferenceEngine
+from trebucheck.models.joints import PrismaticJoint, SlotJoint
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
 from trebucheck.reference.taylor.batch import launch_batch
+from trebucheck.reference.taylor.choice import why_not_taylor
+from trebucheck.reference.taylor.machine import numbers_of, structure_of
 from trebucheck.reference.taylor.solve import solve_taylor, taylor_launch, taylor_quantities
+from trebucheck.reference.taylor.system import TaylorSystem, heyoka
 
 pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
 
@@ -210,3 +217,71 @@ def test_without_heyoka_one_sentence_says_so(monkeypatch: pytest.MonkeyPatch) ->
     with pytest.raises(tb.EngineNotInstalledError, match=r"^the Taylor integrator needs heyoka.*brings it\.$"):
         # Another tolerance than elsewhere here: what is compiled already needs no import.
         solve_taylor(tb.Problem(machine, duration=1.0), tolerance=3e-5)
+
+
+def test_every_element_moves_as_by_dop853() -> None:
+    """Slides on turning bodies, a wall that meets the bob, springs, dampers and motors."""
+    mechanism = everything()
+    deck = mechanism.stops[0].model_copy(update={"offset": 0.1})
+    problem = tb.Problem(mechanism.model_copy(update={"stops": (deck,)}), duration=1.0, stop_law="unilateral")
+    taylor, solution = solve_taylor(problem), solve(problem)
+    assert taylor.impacts
+    assert [time for time, _ in taylor.impacts] == pytest.approx([time for time, _ in solution.impacts], abs=RELEASE)
+    times = np.linspace(0.0, 1.0, 9)
+    assert taylor.motion(times).q == pytest.approx(solution.motion(times).q, abs=STATE)
+    assert taylor.motion(times).u == pytest.approx(solution.motion(times).u, abs=STATE)
+
+
+def test_loops_of_every_joint_have_the_accelerations_of_the_equations() -> None:
+    """A slot in a turning body, a weld and a slider that close loops: rows of three kinds, without compilation."""
+    quick_return = Mechanism(
+        name="loops",
+        bodies=(
+            body_of("crank", "a", 1.0, (0.15, 0.02), 0.01),
+            body_of("rocker", "b", 2.0, (0.6, 0.0), 0.2),
+            body_of("rod", "c", 0.5, (0.3, 0.1), 0.03),
+            body_of("block", "d", 0.7, (0.1, 0.0), 0.02),
+        ),
+        joints=(
+            pin("O", "ground", "crank", (1.0, 0)),
+            pin("C", "ground", "rocker"),
+            SlotJoint(
+                name="slot", parent="rocker", child="crank", parent_point=(0, 0), child_point=(0.3, 0), axis=(1, 0)
+            ),
+            pin("P", "rocker", "rod", (1.5, 0)),
+            pin("Q", "rod", "block", (0.8, 0)),
+            PrismaticJoint(
+                name="rail", parent="ground", child="block", parent_point=(2.3, 0), child_point=(0, 0), axis=(1, 0)
+            ),
+        ),
+        gravity=9.81,
+        start=(0.0, 0.0, 0.0, 0.0),
+    )
+    problem = tb.Problem(quick_return, duration=1.0)
+    equations = Equations(quick_return)
+    numbers = numbers_of(problem, equations.kinematics, np.float64)
+    structure = structure_of(problem, equations.kinematics, numbers != 0)
+    assert {type(row) for row in structure.loop_rows} == {int, type(None), tuple}
+    q, u = np.array([0.7, 0.2, -0.4, 0.1]), np.array([1.0, -0.3, 0.5, 0.8])
+    system = TaylorSystem(structure)
+    solved = heyoka().cfunc(system.solved, [*system.q, *system.u], compact_mode=True)
+    found = solved(np.concatenate([q, u]), pars=numbers[numbers != 0])
+    accelerations, multipliers = equations.solve(q, u, ())
+    assert found == pytest.approx(np.concatenate([accelerations, -multipliers]), rel=1e-12, abs=1e-11)
+
+
+def test_auto_says_why_it_does_not_take_taylor_series() -> None:
+    n = 40
+    chain = Mechanism(
+        name="chain",
+        bodies=tuple(body_of(f"link {i}", f"a{i}", 1.0, (0.5, 0.0), 0.1) for i in range(n)),
+        joints=tuple(
+            pin(f"pin {i}", f"link {i - 1}" if i else "ground", f"link {i}", (1.0 if i else 0.0, 0)) for i in range(n)
+        ),
+        gravity=9.81,
+        start=(0.1,) * n,
+    )
+    assert why_not_taylor(tb.Problem(tb.fixed(), duration=1.0)) is None
+    assert "products" in (why_not_taylor(tb.Problem(chain, duration=1.0)) or "")
+    solution = ReferenceEngine(integrator="auto").solve(tb.Problem(chain, duration=0.01))
+    assert "products" in str(solution.settings["integrator"])
