@@ -192,8 +192,8 @@ class _Builder:
     def _angle_limit(self, stop: Stop) -> tuple[constraints.Constraint, Rod | None]:
         ends = (stop.body, stop.relative_to)
         bobs = [name for name in ends if name != GROUND and not self.assembly.parts[name].turns]
-        if not bobs and not any(map(self._can_turn, ends)):
-            raise UnsupportedProblemError(f"pymunk cannot hold the stop {stop.name!r}: none of its bodies can turn.")
+        if stop.body == stop.relative_to or not (bobs or any(map(self._can_turn, ends))):
+            raise UnsupportedProblemError(f"pymunk cannot hold the stop {stop.name!r}: its angle cannot change.")
         if not bobs:
             return self._gear(stop.relative_to, stop.body), None
         if len(bobs) == 1 and is_brace(self.mechanism, stop, bobs[0]):

@@ -6,21 +6,21 @@ increment at a given position is that of a step for which the bodies have been m
 
 from __future__ import annotations
 
-import cmath
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 import numpy as np
 import pymunk
 import pymunk.batch
+from pymunk import constraints
 
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
-from .assembly import Assembly, Rod
+from .assembly import Assembly
 from .loads import Pose
 from .read import Samples, samples_of
+from .rods import Pivot, Row, SlidingRod, corrected
 
 _FIELDS = (
     pymunk.batch.BodyFields.POSITION
@@ -35,8 +35,6 @@ STEP = 1.0  # [s] of the step whose velocity increment is settled
 _FIRST_PASSES, _ROUNDS = 500, 12
 _SETTLED = 5e-14  # change of the velocities in a round: some 200 roundings, the noise that remains
 _ENOUGH = 1e-11  # a tenth of the tolerance to which models are compared; rounding errors add up over the passes
-
-Row = list[float]
 
 
 class Stepper:
@@ -53,28 +51,50 @@ class Stepper:
         self._initial: Row = []
         self._half: Row = []
         self._initial_rates = np.zeros(0)
+        self._moves = False
         self._space = assembly.space
         self._buffer: Any = pymunk.batch.Buffer()
         self._offsets = self._body_offsets()
-        rods = [_corrected(rod, self._offsets, h) for rod in assembly.rods]
+        rods = [corrected(rod, self._offsets, h) for rod in assembly.rods]
+        self._pivots = [
+            Pivot(joint, self._offsets[joint.b.id], h)
+            for joint in assembly.space.constraints
+            if isinstance(joint, constraints.PivotJoint) and joint.a is assembly.space.static_body
+        ]
+        self._holds_lengths = hold_lengths
         self._corrected = rods if hold_lengths else []
-        self._sliding = [rod for rod in rods if isinstance(rod, _SlidingRod)]
+        self._sliding = [rod for rod in rods if isinstance(rod, SlidingRod)]
 
     def start(self, iterations: int, leapfrog: bool) -> None:
         """Make `rows[0]`; in a leapfrog, with the velocities of half a step later."""
         self.leapfrog, self._initial = leapfrog, self._read()
+        self._initial_rates = self.assembly.rates
+        self._moves = leapfrog and self._holds_lengths and bool(np.any(self._initial_rates))
         if leapfrog:
             self._half_step(iterations)
         self.rows = [self._read()]
         self._half = self.rows[0]
-        if leapfrog and self._corrected and np.any(self._initial_rates):
+        if self._moves:
             self._meet_lengths(iterations)
         earlier = self._step_before()
         for rod in self._corrected:
             rod.begin(earlier, self.rows[0])
 
     def run(self, steps: int, iterations: int) -> None:
-        """Take some steps; a row each."""
+        """Take some steps; a row each.
+
+        Raises:
+            SimulationError: the ends of a rod meet, or numbers are not finite: the impulses did not converge.
+        """
+        try:
+            self._run(steps, iterations)
+        except (ArithmeticError, ValueError):
+            raise SimulationError(
+                f"pymunk lost the joints of {self.assembly.mechanism.name!r} {self.steps * self.h:.6g} s after the "
+                "start or the last impact; a shorter timestep or more iterations may help."
+            ) from None
+
+    def _run(self, steps: int, iterations: int) -> None:
         space, h, rows = self._space, self.h, self.rows
         space.iterations = iterations
         for _ in range(steps):
@@ -156,7 +176,9 @@ class Stepper:
     def _half_step(self, iterations: int) -> None:
         for rod in self._corrected:
             rod.prepare(self._initial)
-        self._initial_rates = self.assembly.rates
+        if self._moves:
+            for pivot in self._pivots:
+                pivot.prepare(self._initial)
         self._keep_half(iterations)
 
     def _keep_half(self, iterations: int) -> None:
@@ -170,164 +192,12 @@ class Stepper:
         Half an increment misses them by O(h^3) where forces change at the start. To undo that in the step after would
         be an error of O(h) in the forces.
         """
-        for rod in self._corrected:
-            rod.meet(self._half)
+        for joint in (*self._corrected, *self._pivots):
+            joint.meet(self._half)
         self._keep_half(iterations)
+        for pivot in self._pivots:
+            pivot.begin(self._half)
         self.rows = [self._read()]
-
-
-class _CorrectedRod(ABC):
-    """A rod whose length is kept to a higher order than by Chipmunk alone.
-
-    Chipmunk corrects the distance along the line between the ends. Because the ends also move across the line and on
-    arcs, the rod is longer by s = O(h^2) at the end of the step. A target distance that is shorter by s, extrapolated
-    from the last two steps, leaves an error of O(h^4), as SHAKE would. It takes no force into account.
-    """
-
-    __slots__ = ("_h", "_last", "_length", "joint")
-
-    def __init__(self, rod: Rod, h: float) -> None:
-        self.joint, self._length = rod.joint, rod.length
-        self._h = h
-        self._last = 0.0
-
-    def prepare(self, start: Row) -> None:
-        """Correct the increment at the start, half of which is kept: by twice the stretch without its odd orders."""
-        stretch = (self._stretch(start, self._h) + self._stretch(start, -self._h)) / 2
-        self.joint.distance = self._length - 2.0 * stretch
-
-    def meet(self, half: Row) -> None:
-        """Correct the same increment so that the first step ends at the rod's length.
-
-        Args:
-            half: the bodies at the start, with their velocities of half a step later.
-        """
-        self.joint.distance = self._length - 2.0 * self._stretch(half, self._h)
-
-    def begin(self, earlier: Row, first: Row) -> None:
-        """Correct the first step, from the state after the start's increment and the one before it."""
-        self._last = self._stretch(earlier, self._h)
-        self.aim(first)
-
-    def aim(self, row: Row) -> None:
-        """Correct the next step, from the state after this one."""
-        # This state's velocities fix the stretch s of the next step; the increment in it acts on the step after, whose
-        # stretch is extrapolated from this one and the last.
-        s = self._stretch(row, self._h)
-        self.joint.distance = self._length - (2.0 * s - self._last)
-        self._last = s
-
-    @abstractmethod
-    def _stretch(self, row: Row, h: float) -> float:
-        """How much longer the rod is after a step than by its rate of change [m].
-
-        Summed from small terms: the difference of two distances would bring their rounding errors into the forces.
-        """
-
-
-def _corrected(rod: Rod, offsets: Mapping[int, int], h: float) -> _CorrectedRod:
-    return _FixedRod(rod, offsets, h) if rod.axis is None else _SlidingRod(rod, rod.axis, offsets, h)
-
-
-class _FixedRod(_CorrectedRod):
-    """Between two points of bodies, or from a point of the ground to one of a body."""
-
-    __slots__ = ("_a", "_ax", "_ay", "_b", "_bx", "_by")
-
-    def __init__(self, rod: Rod, offsets: Mapping[int, int], h: float) -> None:
-        super().__init__(rod, h)
-        assert rod.b is not None
-        self._a = -1 if rod.a is None else offsets[rod.a.id]
-        self._b = offsets[rod.b.id]
-        self._ax, self._ay = rod.end_a
-        self._bx, self._by = rod.end_b
-
-    def _stretch(self, row: Row, h: float) -> float:
-        b, a = self._b, self._a
-        dx, dy, cx, cy = _arc(row[b + 2], h * row[b + 5], self._bx, self._by)
-        x, y = row[b] + dx, row[b + 1] + dy
-        px, py = h * (row[b + 3] - row[b + 5] * dy), h * (row[b + 4] + row[b + 5] * dx)
-        if a < 0:
-            x, y = x - self._ax, y - self._ay
-        else:
-            dx, dy, ax, ay = _arc(row[a + 2], h * row[a + 5], self._ax, self._ay)
-            x, y, cx, cy = x - row[a] - dx, y - row[a + 1] - dy, cx - ax, cy - ay
-            px, py = px - h * (row[a + 3] - row[a + 5] * dy), py - h * (row[a + 4] + row[a + 5] * dx)
-        distance = math.hypot(x, y)
-        along = (x * cx + y * cy) / distance
-        across = (x * (py + cy) - y * (px + cx)) / distance
-        expected = distance + (x * px + y * py) / distance + along
-        return along + across * across / (math.hypot(expected, across) + expected)
-
-
-class _SlidingRod(_CorrectedRod):
-    """Across a line of a body (or of the ground), along which one end follows the other one."""
-
-    __slots__ = ("_a", "_axis", "_b", "_end_a", "_end_b")
-
-    def __init__(self, rod: Rod, axis: complex, offsets: Mapping[int, int], h: float) -> None:
-        super().__init__(rod, h)
-        self._a, self._b = (-1 if body is None else offsets[body.id] for body in (rod.a, rod.b))
-        self._end_a, self._end_b = complex(*rod.end_a), complex(*rod.end_b)
-        self._axis = axis
-
-    def move_anchor(self, row: Row) -> None:
-        """Move the end on the line to where the other end will be across from it after the next step."""
-        self._end_a = self._foot(row, self._h)
-        self.joint.anchor_a = (self._end_a.real, self._end_a.imag)
-
-    def _foot(self, row: Row, h: float) -> complex:
-        """The end on the line across from the other one, if both bodies keep their velocities for a while."""
-        point = _predicted(row, self._b, h) + self._end_b * _turned(row, self._b, h)
-        local = (point - _predicted(row, self._a, h)) * _turned(row, self._a, h).conjugate()
-        along = ((local - self._end_a) * self._axis.conjugate()).real
-        return self._end_a + along * self._axis
-
-    def _stretch(self, row: Row, h: float) -> float:
-        # With n across the line, d from foot to point and the line's rotation e: Re(conj(e n) d) after the step.
-        a, b = self._a, self._b
-        normal = 1j * self._axis * _turned(row, a, 0.0)
-        speed, bent = _advance(row, b, self._end_b, h)
-        if a < 0:
-            return (normal.conjugate() * bent).real
-        speed_a, bent_a = _advance(row, a, self._foot(row, 0.0), h)
-        moved = h * (speed - speed_a) * normal.conjugate()
-        bent = (bent - bent_a) * normal.conjugate()
-        turn = h * row[a + 5]
-        sine, less = math.sin(turn), 2.0 * math.sin(turn / 2) ** 2
-        return sine * (moved + bent).imag - less * (self._length + moved + bent).real + bent.real
-
-
-def _predicted(row: Row, k: int, h: float) -> complex:
-    """Position of a body after a while at constant velocity; of the ground, its origin [m]."""
-    return complex(row[k] + h * row[k + 3], row[k + 1] + h * row[k + 4]) if k >= 0 else 0j
-
-
-def _turned(row: Row, k: int, h: float) -> complex:
-    return cmath.exp(1j * (row[k + 2] + h * row[k + 5])) if k >= 0 else 1.0 + 0j
-
-
-def _advance(row: Row, k: int, arm: complex, h: float) -> tuple[complex, complex]:
-    """Velocity of a body's point [m/s], and the deviation of its arc from the tangent in a step [m]."""
-    if k < 0:
-        return 0j, 0j
-    arm *= _turned(row, k, 0.0)
-    dx, dy = arm.real, arm.imag
-    turn = h * row[k + 5]
-    inwards, behind = -2.0 * math.sin(turn / 2) ** 2, math.sin(turn) - turn
-    bent = complex(inwards * dx - behind * dy, inwards * dy + behind * dx)
-    return complex(row[k + 3], row[k + 4]) + 1j * row[k + 5] * arm, bent
-
-
-def _arc(angle: float, turn: float, x: float, y: float) -> tuple[float, float, float, float]:
-    """A body's local point from its centre, and the deviation of its arc from the tangent in a rotation [m]."""
-    if x == 0.0 == y:
-        return 0.0, 0.0, 0.0, 0.0
-    c, s = math.cos(angle), math.sin(angle)
-    dx, dy = c * x - s * y, s * x + c * y
-    sine = math.sin(turn / 2)
-    inwards, behind = -2.0 * sine * sine, math.sin(turn) - turn
-    return dx, dy, inwards * dx - behind * dy, inwards * dy + behind * dx
 
 
 _Place = tuple[pymunk.Vec2d, float]  # position [m] and angle [rad] of a body

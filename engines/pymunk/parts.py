@@ -75,9 +75,10 @@ class _PartMaker:
         groups: dict[int | None, list[str]] = {}
         for name in weights:
             groups.setdefault(self.attitudes[name][0], []).append(name)
-        for group in groups.values():
-            if len(group) > 1:
-                each = math.fsum(weights[name].inertia for name in group) / len(group)
+        for index, group in groups.items():
+            if len(group) > 1 or index is None:
+                total = math.inf if index is None else math.fsum(weights[name].inertia for name in group)
+                each = total / len(group)
                 weights |= {name: Weights(weights[name].mass, weights[name].centre, each) for name in group}
         return weights
 
@@ -111,8 +112,6 @@ class _PartMaker:
         return [complex(*point) for name, point in ends if name == body]
 
     def _turning(self, body: Body, own: Weights, joint: AnyJoint) -> Weights:
-        if self.attitudes[body.name][0] is None:
-            return Weights(own.mass, own.centre, math.inf)
         if own.inertia <= 0:
             raise UnsupportedProblemError(
                 f"pymunk cannot turn the body {body.name!r}, whose inertia is 0: it can only be a point mass at "

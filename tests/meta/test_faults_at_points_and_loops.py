@@ -32,9 +32,9 @@ def _ball_aside(text: str) -> str:
 
 def _still_foot(monkeypatch: pytest.MonkeyPatch) -> None:
     """pymunk's wall is a rod, whose foot then stays where it was."""
-    from trebucheck.engines.pymunk import leapfrog
+    from trebucheck.engines.pymunk import rods
 
-    monkeypatch.setattr(leapfrog._SlidingRod, "move_anchor", lambda *_: None)
+    monkeypatch.setattr(rods.SlidingRod, "move_anchor", lambda *_: None)
 
 
 def _body_frame(monkeypatch: pytest.MonkeyPatch) -> None:
