@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from ..models.errors import SimulationError, TrebucheckError, shortened
-from . import catalogue, certify, problems, run, studies, throw
+from . import catalogue, certify, data, problems, run, studies, throw
 from .output import printable
 
 app = typer.Typer(
@@ -40,6 +40,7 @@ for name, command in {
     "converge": studies.converge_command,
     "paper": studies.paper_command,
     "problems": problems.problems_command,
+    "data": data.data_command,
     "engines": catalogue.engines_command,
 }.items():
     app.command(name)(command)

@@ -16,6 +16,8 @@ from trebucheck.comparisons.compare.report import differences
 from trebucheck.comparisons.compare.study import Comparison
 from trebucheck.comparisons.converge.results import Studies
 from trebucheck.comparisons.explain.results import Explanation
+from trebucheck.comparisons.problems.check import check
+from trebucheck.comparisons.problems.report import library
 from trebucheck.comparisons.recommend import Advice
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.document import Document, table
@@ -23,6 +25,7 @@ from trebucheck.comparisons.report.plots import LOGARITHMIC
 from trebucheck.comparisons.runs.results import Results
 from trebucheck.models.machines.registry import models
 from trebucheck.models.mechanism import mechanism_schema
+from trebucheck.models.problems.registry import benchmarks
 from trebucheck.models.spec import schema_text
 from trebucheck.paper.evidence.claims import Study
 from trebucheck.paper.report import summary
@@ -69,6 +72,22 @@ def write_schemas() -> None:
     (ROOT / "comparisons" / "schemas" / "recommend.schema.json").write_text(schema_text(Advice))
 
 
+def write_problems() -> None:
+    """The page of the problem library: every problem with its figures beside the reference's."""
+    page = library(list(map(check, benchmarks())))
+    head = "<!-- written by docs/generate.py -->\n# The problem library\n\n" + _PROBLEMS
+    (ROOT / "docs" / "problems.md").write_text(head + markdown.text(page))
+
+
+_PROBLEMS = """Published and closed-form benchmark problems. A name or number stands wherever a machine's does
+(`trebucheck compare --model slider-crank`, `tb.model("A01")`), with parameters by `--set`, and brings its own duration
+and law of the stops. `trebucheck problems --tag loop` lists, `trebucheck problems pendulum --set length=2` holds the
+reference against the figures for these parameters. Expected values are published, or computed from a closed form or by
+quadrature; the tolerance is what the reference is held to by the tests.
+
+"""
+
+
 def _with_block(text: str, name: str, content: str) -> str:
     """The text with what stands between `<!-- generated: name -->` and `<!-- end -->` replaced."""
     block = re.compile(rf"(<!-- generated: {name} -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -78,6 +97,7 @@ def _with_block(text: str, name: str, content: str) -> str:
 def main() -> None:
     """Rewrite all of it."""
     write_schemas()
+    write_problems()
     comparison = tb.compare()
     readme = ROOT / "README.md"
     text = _with_block(readme.read_text(), "agreement", agreement_table(comparison))

@@ -25,14 +25,12 @@ def document(check: Check) -> Document:
     return Document(f"{check.benchmark.number} {check.benchmark.name}", tuple(_blocks(check)))
 
 
-def library(checks: Iterable[Check | tuple[Benchmark, str]]) -> Document:
-    """All problems with their figures; of one that could not be solved the benchmark, and why."""
+def library(checks: Iterable[Check]) -> Document:
+    """All problems with their figures."""
     blocks: list[Block] = []
     for each in checks:
-        benchmark = each.benchmark if isinstance(each, Check) else each[0]
-        blocks.append(Heading(f"{benchmark.number} {benchmark.name}", 2, medium="any"))
-        blocks += _blocks(each) if isinstance(each, Check) else [*_description(benchmark), Text(each[1], "warning")]
-    return Document("Problems", tuple(blocks))
+        blocks += [Heading(f"{each.benchmark.number} {each.benchmark.name}", 2, medium="any"), *_blocks(each)]
+    return Document("", tuple(blocks))
 
 
 def _blocks(check: Check) -> list[Block]:
@@ -67,7 +65,7 @@ def _row(each: CheckedFigure) -> Row:
         figure.name,
         figure.unit,
         f"{figure.value:.15g}",
-        f"{each.measured:.15g}",
+        f"{each.measured:.15g}" if figure.value else format_number(each.measured),
         Cell(format_number(each.error), mark_of(each.holds)),
         format_number(figure.tolerance),
         figure.basis,

@@ -31,6 +31,7 @@ RANKS: tuple[tuple[str, ...], ...] = (
     (
         "comparisons/compare",
         "comparisons/converge",
+        "comparisons/data",
         "comparisons/explain",
         "comparisons/problems",
         "comparisons/recommend",
