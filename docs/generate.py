@@ -15,6 +15,7 @@ from trebucheck.comparisons.compare import plots as figures
 from trebucheck.comparisons.compare.report import differences
 from trebucheck.comparisons.compare.study import Comparison
 from trebucheck.comparisons.converge.results import Studies
+from trebucheck.comparisons.data.files import names, publish
 from trebucheck.comparisons.explain.results import Explanation
 from trebucheck.comparisons.problems.check import check
 from trebucheck.comparisons.problems.report import library
@@ -23,13 +24,16 @@ from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.document import Document, table
 from trebucheck.comparisons.report.plots import LOGARITHMIC
 from trebucheck.comparisons.runs.results import Results
+from trebucheck.comparisons.runs.scales import scales_until
 from trebucheck.models.machines.registry import models
 from trebucheck.models.mechanism import mechanism_schema
+from trebucheck.models.problems.benchmark import Benchmark
 from trebucheck.models.problems.registry import benchmarks
 from trebucheck.models.spec import schema_text
 from trebucheck.paper.evidence.claims import Study
 from trebucheck.paper.report import summary
 from trebucheck.paper.study import study
+from trebucheck.reference.solver import solve
 
 ROOT = Path(__file__).parents[1]
 OTHERS = tuple(name for name in models() if name not in ("fixed", "rolling"))
@@ -74,9 +78,42 @@ def write_schemas() -> None:
 
 def write_problems() -> None:
     """The page of the problem library: every problem with its figures beside the reference's."""
-    page = library(list(map(check, benchmarks())))
-    head = "<!-- written by docs/generate.py -->\n# The problem library\n\n" + _PROBLEMS
-    (ROOT / "docs" / "problems.md").write_text(head + markdown.text(page))
+    page = ROOT / "docs" / "problems.md"
+    before = page.read_text() if page.is_file() else ""
+    kept = re.search(r"<!-- generated: engines -->\n.*?<!-- end -->", before, re.DOTALL)
+    engines = kept[0] if kept else "<!-- generated: engines -->\n<!-- end -->"
+    figures = markdown.text(library(list(map(check, benchmarks()))))
+    page.write_text(
+        f"<!-- written by docs/generate.py -->\n# The problem library\n\n{_PROBLEMS}\n{engines}\n\n{figures}"
+    )
+
+
+def write_engines_on_problems() -> None:
+    """The table of the same page that says how engines move the problems."""
+    page = ROOT / "docs" / "problems.md"
+    rows = (engines_on(entry) for entry in benchmarks())
+    heads = ("problem", *_STEPS)
+    page.write_text(_with_block(page.read_text(), "engines", markdown.text(Document("", (table(heads, rows),)))))
+
+
+def engines_on(entry: Benchmark) -> tuple[str, ...]:
+    """How each engine moves a problem: the verdict, and its largest position error in parts of the problem's size."""
+    cells = [f"{entry.number} {entry.name}"]
+    problem = entry.problem()
+    scales = scales_until(solve(problem), problem.duration)
+    for engine, share in _STEPS.items():
+        results = tb.compare([entry.name], [engine], ["tuned"], timestep=share * scales.time, timeout=200.0).results
+        (run,) = results.runs
+        errors = [m.value for m in run.metrics if m.name == "position" and m.value is not None]
+        verdict = str(run.outcome).replace("-", " ")
+        broken = ", ".join(dict.fromkeys(m.label for m in run.broken[:2]))
+        size = f", {max(errors) / scales.length:.1e}" if errors else ""
+        cells.append(f"{verdict}{size}" + (f" ({broken})" if broken else ""))
+    return tuple(cells)
+
+
+_STEPS = {"mujoco": 1e-3, "pymunk": 1e-3, "exudyn": 1e-4}
+"""Of each engine in parts of the problem's characteristic time."""
 
 
 _PROBLEMS = """Published and closed-form benchmark problems. A name or number stands wherever a machine's does
@@ -85,6 +122,8 @@ and law of the stops. `trebucheck problems --tag loop` lists, `trebucheck proble
 reference against the figures for these parameters. Expected values are published, or computed from a closed form or by
 quadrature; the tolerance is what the reference is held to by the tests.
 
+Engines, tuned, at a thousandth of the problem's characteristic time (Exudyn at a ten-thousandth): the verdict of
+`compare` under its default tolerances, and the largest error of a marker's position in parts of the mechanism's size.
 """
 
 
@@ -98,6 +137,9 @@ def main() -> None:
     """Rewrite all of it."""
     write_schemas()
     write_problems()
+    write_engines_on_problems()
+    for name in names():
+        publish(name, ROOT / "comparisons" / "data" / "trajectories")
     comparison = tb.compare()
     readme = ROOT / "README.md"
     text = _with_block(readme.read_text(), "agreement", agreement_table(comparison))

@@ -71,6 +71,8 @@ def _others(solution: Solution, times: FloatArray) -> Iterator[tuple[str, Trajec
     given = solution.problem
     problem = Problem(given.mechanism, duration=min(given.duration, 1.02 * float(times[-1])), stop_law=given.stop_law)
     yield f"DOP853 at a tolerance of {_COARSE:g}", solve(problem, _COARSE, _COARSE).trajectory(times)
+    if solution.singular_passages:  # the others do not know of them, and may leave the smooth branch there
+        return
     with suppress(UnsupportedProblemError, SimulationError):
         redundant = solve_redundant(problem)
         states = [redundant.state(float(t)) for t in times]

@@ -54,8 +54,8 @@ class ChainParameters(Spec):
         InputError: a length, mass or gravity is not positive and finite, or the number is not an integer from 1 to 200.
     """
 
-    N: int = Field(default=10, ge=1, le=200, description="number of rods")
-    length: Positive = Field(default=0.1, description="of each rod [m]")
+    N: int = Field(default=5, ge=1, le=200, description="number of rods")
+    length: Positive = Field(default=0.2, description="of each rod [m]")
     mass: Positive = Field(default=1.0, description="of each rod [kg]")
     g: Positive = Field(default=9.81, description="gravity [m/s^2]")
     start: Real = Field(default=0.0, description="start angle of all rods, from +x clockwise [rad]")
