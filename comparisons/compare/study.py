@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from itertools import combinations
 from typing import Any
@@ -24,7 +24,7 @@ from ..diagnosis.model import check_and_diagnose
 from ..diagnosis.motion import diagnose_motion
 from ..report.numbers import format_number
 from ..runs.pairs import Compared, pair_of
-from ..runs.results import Diagnosis, Equality, Machine, Outcome, Pair, Results, Run, verdict_on
+from ..runs.results import Diagnosis, Equality, Machine, Outcome, Pair, Results, Run, SingularPosition, verdict_on
 from ..runs.runner import Runner, Worker, failure, simulate_warm
 from ..runs.store import Store, conditions, digest
 from ..runs.study import PRESETS, OnDemand, Study, in_order, one_end
@@ -385,6 +385,7 @@ def machine_row(runner: Runner, needs: Needs) -> Machine:
         reference_uncertainty=uncertainties.values,
         uncertainty_source=uncertainties.source,
         impacts=sum(time <= end for time, _ in solution.impacts),
+        singular_positions=tuple(SingularPosition(**asdict(p)) for p in solution.singular_passages if p.time <= end),
         release_times=dict(solution.release_times),
         start_torques={name: float(torque[0]) for name, torque in solution.motion(np.zeros(1)).stop_torques.items()},
     )

@@ -10,7 +10,7 @@ from ...models.mechanism import Mechanism
 from ...models.trajectory import Trajectory
 from ...reference.certification.certificate import Certificate, Figure
 from ..runs.balance import sampled_balance
-from ..runs.results import Machine, Metric, ResultFile, Run
+from ..runs.results import Machine, Metric, ResultFile, Run, SingularPosition
 from .document import Block, Code, Document, Fold, Heading, Listing, Note, Table, Text, table
 from .numbers import format_number, format_settings
 
@@ -23,6 +23,7 @@ _HORIZON = (
     "of its size, and any two integrators differ"
 )
 """What is so beyond the predictability horizon."""
+_LISTED = 5  # singular positions whose times are stated
 _BEYOND = "beyond it only invariants and the time of first parting are judged"
 
 
@@ -43,7 +44,23 @@ def compared_time(launch_time: float | None, compared_to: float | None, judged_t
 
 
 def predictable(machine: Machine) -> str:
-    """The predictability horizon, and how the stretching comes to it."""
+    """The predictability horizon, how the stretching comes to it, and singular positions on the way."""
+    return " ".join([_horizon(machine), *_singular_positions(machine.singular_positions)])
+
+
+def _singular_positions(passed: Sequence[SingularPosition]) -> Iterator[str]:
+    if passed:
+        times = ", ".join(f"{each.time:.9g}" for each in passed[:_LISTED])
+        more = f" and {len(passed) - _LISTED} times more" if len(passed) > _LISTED else ""
+        uncertain, adds = max(p.time_uncertainty for p in passed), max(p.uncertainty for p in passed)
+        yield (
+            "The reference passes singular positions, in which its constraints lose rank, on the smooth branch of its "
+            f"motion: at {times} s{more} (uncertain by {uncertain:.1g} s); each adds at most {adds:.1g} of the longest "
+            "arm to the uncertainty behind it."
+        )
+
+
+def _horizon(machine: Machine) -> str:
     text = f"Predictable to the end, {machine.compared_to:.6g} s."
     if machine.judged_to < machine.compared_to:
         text = f"Predictable until {machine.judged_to:.6g} s; {_BEYOND}: {_HORIZON}."

@@ -225,6 +225,15 @@ class Predictability(Spec):
     start: tuple[Real | None, ...] = Field(description="by coordinates and speeds at the start; null: without limit")
 
 
+class SingularPosition(Spec):
+    """A singular position that the reference passes on the smooth branch of its motion."""
+
+    time: Real = Field(description="[s]")
+    time_uncertainty: Real = Field(description="[s]")
+    uncertainty: Real = Field(description="of the coordinates behind it, as parts of the longest arm")
+    lost: Annotated[int, Field(ge=1)] = Field(description="number of constraints that depend on the others there")
+
+
 class Machine(Spec):
     """A machine as compared, with the reference's figures."""
 
@@ -249,6 +258,7 @@ class Machine(Spec):
         default_factory=dict, description="of the reference, by the metric it enters, in the metric's unit"
     )
     uncertainty_source: str = Field(default="unknown", description="certificate, or estimate")
+    singular_positions: tuple[SingularPosition, ...] = Field(default=(), description="that the reference passes")
     release_times: dict[str, Real | None]
     start_torques: dict[str, Real]
 

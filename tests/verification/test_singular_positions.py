@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
 from mechanisms import G, parallel_cranks, pin
 from scipy.integrate import quad
 from scipy.special import ellipj, ellipk
+from trebucheck.comparisons.report.sections import predictable
+from trebucheck.comparisons.runs.results import Machine, SingularPosition
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import SimulationError
 from trebucheck.models.joints import SlotJoint
@@ -240,3 +242,39 @@ def test_loops_that_all_but_have_a_singular_position_are_no_passage() -> None:
     assert np.abs(regular.motion(np.array([0.8])).q[0, 0]) < 3
     with pytest.raises(SimulationError, match="rounding decides on the branch"):
         solved(1e-12)
+
+
+class _TouchingBranches(Equations):
+    """Of two coordinates, held to y (y - x^2) = 0 instead of by their slot: branches with one tangent where x = 0."""
+
+    @staticmethod
+    def _plane(q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return q[..., 0] - 0.8, q[..., 1] + 0.3
+
+    def loop_residual(self, q: FloatArray) -> FloatArray:
+        x, y = self._plane(q)
+        return (y * (y - x**2))[..., None]
+
+    def constraint_jacobian(self, q: FloatArray, closed: Sequence[str]) -> FloatArray:
+        x, y = self._plane(q)
+        return np.stack([-2 * x * y, 2 * y - x**2], axis=-1)[..., None, :]
+
+    def constraint_bias(self, q: FloatArray, u: FloatArray, closed: Sequence[str]) -> FloatArray:
+        (x, y), v, w = self._plane(q), u[..., 0], u[..., 1]
+        return (-2 * y * v**2 - 4 * x * v * w + 2 * w**2)[..., None]
+
+
+def test_branches_with_one_tangent_are_not_told_apart() -> None:
+    moving = _slider_crank(0.3, 1.0).model_copy(update={"start_speeds": (1.0, 0.0)})
+    with pytest.raises(
+        SimulationError, match=r"gave up at t = 0\.\d+ s in a singular position.* branches of its motion"
+    ):
+        solve(Problem(moving, 1.0), equations=_TouchingBranches(moving))
+
+
+def test_the_report_states_the_singular_positions_that_were_passed() -> None:
+    passed = SingularPosition(time=0.5, time_uncertainty=2e-14, uncertainty=3e-15, lost=1)
+    fields = {"compared_to": 1.0, "judged_to": 1.0, "predictability": None}
+    assert "singular" not in predictable(Machine.model_construct(**fields, singular_positions=()))
+    text = predictable(Machine.model_construct(**fields, singular_positions=(passed,) * 6))
+    assert "at 0.5, 0.5, 0.5, 0.5, 0.5 s and 1 times more (uncertain by 2e-14 s)" in text
