@@ -40,7 +40,8 @@ class Scales(Spec):
     """Of one mechanism and its reference motion up to the end of what is compared."""
 
     length: Positive = Field(
-        description="sum of lengths of bodies and of slides on bodies, or the farthest way along a slide if longer [m]"
+        description="sum of lengths of bodies and of slides on bodies; the farthest way along a slide on the ground, "
+        "or the greatest length of a spring on a free body, if longer [m]"
     )
     angle: Positive = Field(default=1.0, description="[rad]")
     time: Positive = Field(
@@ -125,14 +126,28 @@ def away_from_poles(solution: Solution, t: FloatArray, time: float) -> BoolArray
 
 
 def _length(reference: Trajectory) -> float:
-    """Of the bodies and, as arms, of the slides on moving bodies; at least the farthest way along one on the ground."""
+    """Of bodies and of slides on moving bodies; at least the way of one on the ground, and a spring of a free body."""
     slides = reference.mechanism.slides
     places = reference.q[:, len(reference.mechanism.angles) :]
     ways, arms = np.ptp(places, axis=0), np.abs(places).max(axis=0)
     free = np.array([isinstance(slide.joint, FreeJoint) for slide in slides], dtype=bool)
     moving = np.array([slide.joint.parent != GROUND for slide in slides], dtype=bool)
     guided = float(ways[~free & ~moving].max(initial=0.0))
-    return max(size(reference.mechanism) + float(arms[moving].sum()), guided) or float(ways.max(initial=0.0)) or 1.0
+    return (
+        max(size(reference.mechanism) + float(arms[moving].sum()), guided, *_free_springs(reference))
+        or float(ways.max(initial=0.0))
+        or 1.0
+    )
+
+
+def _free_springs(reference: Trajectory) -> Iterator[float]:
+    """Greatest length of each spring on a free body [m]."""
+    mechanism, kinematics = reference.mechanism, reference.kinematics
+    free = {joint.child for joint in mechanism.tree_joints if isinstance(joint, FreeJoint)}
+    for e in mechanism.force_elements:
+        if isinstance(e, SpringDamper) and free.intersection(e.bodies):
+            between = kinematics.between(e.body, e.point, e.relative_to, e.relative_point)
+            yield _norm(kinematics.position(between, reference.q))
 
 
 def _spring_times(mechanism: Mechanism) -> Iterator[float]:

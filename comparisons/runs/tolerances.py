@@ -310,10 +310,10 @@ def _step(run: Run) -> float | None:
 def _claim(metric: Metric, quantity: Quantity, scale: float, run: Run, machine: Machine) -> AppliedTolerance | None:
     """The engine's own, carried from Table I to this machine.
 
-    Claims are stated for motions without impacts, and up to the predictability horizon.
+    Claims are stated for motions without impacts or singular positions, and up to the predictability horizon.
     """
     of, step = (run.engine, run.preset, metric.name, metric.subject, machine.mechanism), _step(run)
-    if machine.impacts or (quantity.invariant and machine.whole_scales is not None):
+    if machine.impacts or machine.singular_positions or (quantity.invariant and machine.whole_scales is not None):
         return None
     scales, usual, mechanism = _table_one()
     if machine.table_one and (machine.stretching <= usual or _to_the_launch(machine)):

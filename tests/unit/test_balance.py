@@ -205,6 +205,11 @@ def test_slides_on_bodies_are_lengths() -> None:
     spring = SPRING.model_copy(update={"relative_to": "rod", "rest_length": 0.5})
     turning = _block(spring, bodies=(rod, *_block().bodies), joints=(pin, rail), start=(0.3, 0.8), gravity=9.81)
     assert scales_until(solve(tb.Problem(turning, duration=0.01)), 0.01).length == pytest.approx(0.02 + 0.8, rel=1e-3)
+    tied = SPRING.model_copy(update={"relative_point": (0, 1.5), "rest_length": 1.0})
+    hung = _free(force_elements=(tied,), gravity=0.0)
+    assert scales_until(solve(tb.Problem(hung, duration=0.01)), 0.01).length == pytest.approx(
+        math.hypot(OUT, 1.4), rel=1e-3
+    )
     far = _block(SPRING.model_copy(update={"relative_point": (1000, 0)}), start=(1000 + OUT,))
     assert scales_until(solve(tb.Problem(far, duration=2.0)), 2.0).length == pytest.approx(2 * OUT, rel=1e-3)
 

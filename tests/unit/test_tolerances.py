@@ -17,7 +17,7 @@ from trebucheck.comparisons.runs import tolerances as module
 from trebucheck.comparisons.runs import uncertainty
 from trebucheck.comparisons.runs.metrics import measure
 from trebucheck.comparisons.runs.quantities import QUANTITIES
-from trebucheck.comparisons.runs.results import Machine, Metric, Run
+from trebucheck.comparisons.runs.results import Machine, Metric, Run, SingularPosition
 from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.scales import Scales, scales_until
 from trebucheck.comparisons.runs.tolerances import DEFAULT, Needs, is_table_one, judge, tolerance_for
@@ -342,6 +342,8 @@ def test_claims_are_of_motions_without_impacts(table_one: Machine, monkeypatch: 
     _claiming(_claim(), monkeypatch=monkeypatch)
     metric = _metric("position_max", "projectile")
     assert _judged(metric, table_one.model_copy(update={"impacts": 1}), **STEP).source == "default"
+    passed = SingularPosition(time=0.5, time_uncertainty=0.0, uncertainty=0.0, lost=1)
+    assert _judged(metric, table_one.model_copy(update={"singular_positions": (passed,)}), **STEP).source == "default"
 
 
 def test_the_claim_at_the_next_shorter_step_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
