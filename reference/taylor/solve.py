@@ -20,6 +20,7 @@ from ...models.launch import Launch, is_launch, lead
 from ...models.problem import Problem
 from ..contact import ActiveSet, EventFunction, PostEventState
 from ..equations import Equations
+from ..integrator import numerical
 from ..reactions import refuse_dependent
 from ..solution import Segment, Solution
 from .compiled import scalar_pool, torque_function
@@ -55,8 +56,9 @@ def solve_taylor(problem: Problem, tolerance: float | None = None, precision: Pr
         SimulationError: the motion left the finite numbers, or there are more than ten thousand events.
     """
     started = time.perf_counter()
-    run = _Integration(problem, tolerance, precision)
-    run.integrate(record=True)
+    with numerical("from the start"):  # heyoka refuses a system that has no parameters: nothing moves the mechanism
+        run = _Integration(problem, tolerance, precision)
+        run.integrate(record=True)
     return Solution(
         problem=problem,
         equations=run.equations,

@@ -240,7 +240,9 @@ class TaylorSystem:
     def solved(self) -> list[Any]:
         """Accelerations, then minus the multipliers of loops and stops."""
         matrix, right = self._kkt
-        return solve_ldl(matrix, right, self._order[0])
+        solved = solve_ldl(matrix, right, self._order[0])
+        # A coordinate that nothing accelerates has a plain zero, of which heyoka makes no expression by itself.
+        return [self._hy.expression(value) if isinstance(value, float) else value for value in solved]
 
     @cached_property
     def operations(self) -> int:
