@@ -172,7 +172,17 @@ class _Builder:
         return rod
 
     def _add_stop(self, stop: Stop | PointStop, closed: bool) -> None:
-        """Add a stop's joint if it is closed; raise in any case if it cannot be built."""
+        """Add a stop's joint if it is closed; raise in any case if it cannot be built.
+
+        The gap of a stop on a single body does not change: while it is open, there is nothing to build.
+        """
+        if stop.body == stop.relative_to:
+            if closed:
+                raise UnsupportedProblemError(
+                    f"pymunk cannot hold the stop {stop.name!r}: nothing can move against it, so its force is not "
+                    "determined."
+                )
+            return
         joint, rod = self._point_contact(stop) if isinstance(stop, PointStop) else self._angle_limit(stop)
         if not closed:
             return
@@ -182,9 +192,6 @@ class _Builder:
         self.assembly.stops[stop.name] = joint
 
     def _point_contact(self, stop: PointStop) -> tuple[constraints.Constraint, Rod]:
-        if stop.body == stop.relative_to:
-            where = "the ground" if stop.body == GROUND else f"{stop.body!r}, whose wall it is"
-            raise UnsupportedProblemError(f"pymunk cannot hold the stop {stop.name!r}: it is on a point of {where}.")
         normal = complex(*stop.normal)
         rod = self._sliding_rod(stop.relative_to, stop.offset * normal, -1j * normal, stop.body, stop.point)
         return rod.joint, rod
@@ -192,7 +199,7 @@ class _Builder:
     def _angle_limit(self, stop: Stop) -> tuple[constraints.Constraint, Rod | None]:
         ends = (stop.body, stop.relative_to)
         bobs = [name for name in ends if name != GROUND and not self.assembly.parts[name].turns]
-        if stop.body == stop.relative_to or not (bobs or any(map(self._can_turn, ends))):
+        if not (bobs or any(map(self._can_turn, ends))):
             raise UnsupportedProblemError(f"pymunk cannot hold the stop {stop.name!r}: its angle cannot change.")
         if not bobs:
             return self._gear(stop.relative_to, stop.body), None

@@ -24,7 +24,8 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
     (positions and forces at t = k h, velocities half a step later) it is of second order; read directly it is of
     first order. Massless rods with a mass at their end are point masses on PinJoints; a closed stop on an angle is one
     more PinJoint that braces such a rod, or a GearJoint between two bodies that can turn; a point on a line (a slot, a
-    trough) hangs on a PinJoint across it, whose anchor moves along; a stop that releases is removed. At an impact the
+    rail, a trough) hangs on a PinJoint across it, whose anchor moves along; a stop that releases is removed. Springs
+    are Chipmunk's own; its dampers would be of first order, so dampers are forces, as constant ones are. At an impact the
     speeds change by Chipmunk's own impulses, and a new leapfrog starts. The step is shortened a little where a whole
     number of them would not make the duration.
     """
