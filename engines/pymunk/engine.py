@@ -25,9 +25,9 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
     first order. Massless rods with a mass at their end are point masses on PinJoints; a closed stop on an angle is one
     more PinJoint that braces such a rod, or a GearJoint between two bodies that can turn; a point on a line (a slot, a
     rail, a trough) hangs on a PinJoint across it, whose anchor moves along; a stop that releases is removed. Springs
-    are Chipmunk's own; its dampers would be of first order, so dampers are forces, as constant ones are. At an impact the
-    speeds change by Chipmunk's own impulses, and a new leapfrog starts. The step is shortened a little where a whole
-    number of them would not make the duration.
+    are Chipmunk's own; its dampers would be of first order, so dampers are forces, as constant ones are. At an impact
+    the speeds change by Chipmunk's own impulses, and a new leapfrog starts. The step is shortened a little where a
+    whole number of them would not make the duration.
     """
 
     name: ClassVar[str] = "pymunk"
