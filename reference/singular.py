@@ -34,7 +34,7 @@ _FIRST = 8  # of the points with which the window is placed
 _AGREE = 3e-13  # of the largest arm: two polynomials this near each other need no higher degree
 _WORST = 1e-9  # of the largest arm: beyond this the passage is not known
 _VANISHES = 1e-7  # a singular value this small at its minimum is zero within what the coordinates are known to
-_CLOSES = 5e-14  # of the largest arm: how well loops that have a singular position close between the points
+_CLOSES = 2e-13  # of the largest arm: how well loops that have a singular position close between the points
 _DRIFT = 3e-12  # of the largest arm: loops that close no better are integrated as ones without a singular position
 _SAMPLES = 200  # of a window, in search of singular positions
 _BESIDE = 1e-3  # of a window's half: where it is tested whether a singular value changes sign
@@ -43,6 +43,7 @@ _PLACINGS = 8
 _POLE = 1e-5  # of a window's half
 _EPSILON = 4 * float(np.finfo(np.float64).eps)
 _PROBES = np.linspace(0.0, 1.0, 5)  # of a step
+_SAFETY = 2.0  # of what a step may change: speeds inside it are not those at its ends
 _POSITIONS = 32  # random ones, for the largest arms
 
 
@@ -134,17 +135,21 @@ class Watch:
             self.arms = arms.max(axis=0)
             self.reach = float(self.arms.max(initial=0.0)) or 1.0
             self.scales = scales_of(np.sum(arms**2, axis=0), arms)
+            self._slopes = np.linalg.norm(self.scales.rows[:, None] * arms, axis=0) * self.scales.columns
+        self._slack, self._speeds = -np.inf, np.zeros(len(q))
 
-    def window(self, dense: DenseOutput, start: float, end: float) -> Window | None:
+    def window(self, dense: DenseOutput, start: float, end: float, speeds: FloatArray) -> Window | None:
         """The motion across a singular position which a step comes near, from some time in the step on.
 
         Args:
             dense: output of the step from `start` to `end` [s].
+            start, end: [s]
+            speeds: at the end, shape (n_q,).
 
         Raises:
             SimulationError: the speed does not tell the branch.
         """
-        if not self.level:
+        if not self.level or self._is_far(end - start, speeds):
             return None
         times = start + _PROBES * (end - start)
         states = np.asarray(dense(times)).T
@@ -152,9 +157,18 @@ class Watch:
         near = np.flatnonzero(values < self.level)
         if not len(near):
             self.level = _NEAR if values[-1] > _NEAR else self.level
+            self._slack = float(values[-1]) - self.level
             return None
+        self._slack = -np.inf
         k = max(int(near[0]) - 1, 0)
         return self.window_from(float(times[k]), *np.split(states[k], 2), least=float(values.min()))
+
+    def _is_far(self, time: float, speeds: FloatArray) -> bool:
+        """Whether no singular value can have come near zero: each changes by no more than its matrix does."""
+        fastest = np.maximum(np.abs(self._speeds), np.abs(speeds))
+        self._speeds = speeds
+        self._slack -= _SAFETY * time * float(fastest @ self._slopes)
+        return self._slack > 0
 
     def nears(self, q: FloatArray, change: FloatArray) -> bool:
         """Whether another change of the coordinates leads near a singular position."""
@@ -199,7 +213,8 @@ class Watch:
                     break
             window = None if motion is None else self._refined(motion, given)
             if window is not None and window.passages:
-                passages = tuple(passage for passage in window.passages if passage.time > start - half * _BESIDE)
+                later = (passage for passage in window.passages if passage.time > start - half * _BESIDE)
+                passages = tuple(replace(passage, time=max(passage.time, start)) for passage in later)
                 return replace(window, start=start, passages=passages)
         raise SimulationError(
             f"the reference cannot start at t = {start:.6g} s in a singular position, in which constraints that are "
@@ -311,7 +326,7 @@ class Watch:
             lost = int((self._values(motion.values(motion.q, np.array(time))) < 10 * _VANISHES).sum())
             self._refuse_touching(motion, time, lost)
             uncertain = (difference + _EPSILON) / abs(rate) + _EPSILON * abs(time)
-            yield SingularPassage(max(time, 0.0), uncertain, difference, lost)
+            yield SingularPassage(time, uncertain, difference, lost)
 
     def _minima(self, motion: Polynomial, t: FloatArray) -> Iterator[FloatArray]:
         """Times around each local minimum of the least singular value at times t [s]: `_SAMPLES` of them."""

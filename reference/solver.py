@@ -207,7 +207,7 @@ def integrate_segment(
     while path.times[-1] < end and not path.events:
         stepper.step()
         dense = stepper.dense_output()
-        window = watch.window(dense, path.times[-1], stepper.t)
+        window = watch.window(dense, path.times[-1], stepper.t, stepper.y[n_q:])
         path.add(dense, stepper.t if window is None else window.start)
         if window is not None and not path.events:
             q, u = watch.projected(*path.cross(window))
