@@ -64,6 +64,12 @@ class System:
         """Values of a sensor at the current state, shape (1, components)."""
         return np.atleast_2d(np.asarray(self.main.GetSensorValues(self.sensors[sensor]), dtype=np.float64))
 
+    @property
+    def active(self) -> Contacts:
+        """The stops that act."""
+        items = self.stops.items()
+        return tuple(name for name, number in items if self.main.GetObjectParameter(number, "activeConnector"))
+
     def set_active(self, active: Contacts) -> None:
         """Make exactly these stops act."""
         for name, number in self.stops.items():

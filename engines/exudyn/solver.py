@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from enum import Enum, auto
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -29,8 +30,24 @@ DEPENDENT = 1e-6
 
 _DIFFERENCE = 3e-5  # relative step of Exudyn's difference quotients: 1e-6 to 1e-4 do as well
 
+# Exudyn's Newton iteration leaves out how the joints' Jacobian changes with the step, which matters beside a singular
+# position: a step of length h that ends at a distance x from one converges by h / 2 x an iteration, or not at all.
+_ITERATIONS = 25  # as Exudyn has it: more would reach another branch of the motion where the right one repels
+_LEAPS = (5.0, 6.0, 8.0, 12.0)  # in steps: over a singular position, to an end that is farther from it than the start
+_BACK = 2  # steps before the last good one at which a leap begins: the last ones were near the position as well
+_LEAP_ITERATIONS = 200
+_JUMP = 0.2  # of the largest rotational speed: a leap that changes one more has gone to another branch
 Monitor = Callable[[float], bool]
 """Called with the time after each step; False stops the run there."""
+
+
+class _Outcome(Enum):
+    """How some steps ended."""
+
+    ARRIVED = auto()
+    STOPPED = auto()
+    """By the monitor."""
+    FAILED = auto()
 
 
 @dataclass(frozen=True)
@@ -65,7 +82,7 @@ class Solver:
             key: slice(a, b) for key, a, b in zip(system.sensors, ends[:-1], ends[1:], strict=True)
         }
         """Of each sensor in a table; column 0 is the time [s]."""
-        self._redundant = _has_redundant_constraints(system.mechanism)
+        self._dependent = _may_be_dependent(system.mechanism)
 
     def start(self) -> State:
         """The state as built."""
@@ -125,6 +142,9 @@ class Solver:
     def run(self, state: State, active: Contacts, end: float, steps: int, monitor: Monitor | None = None) -> FloatArray:
         """Table of all sensors at the start and after each step, shape (n, columns).
 
+        A step that ends too near to a singular position of a loop fails; a longer one over the position takes its
+        place, unless Exudyn is to shorten steps by itself.
+
         Args:
             state: where to start.
             active: stops that act.
@@ -135,19 +155,78 @@ class Solver:
         Raises:
             SimulationError: a step failed, or the end was not reached although the monitor did not stop the run.
         """
+        step = (end - state.t) / steps
+        table, outcome = self._equal_steps(state, active, end, steps, monitor)
+        failed = -np.inf
+        while outcome is _Outcome.FAILED:
+            if table[-1, 0] <= failed:
+                self._give_up(table, end)
+            failed = float(table[-1, 0])
+            table, outcome = self._past_failure(table, step, end, monitor)
+        return table
+
+    def _equal_steps(
+        self,
+        state: State,
+        active: Contacts,
+        end: float,
+        steps: int,
+        monitor: Monitor | None,
+        iterations: int = _ITERATIONS,
+    ) -> tuple[FloatArray, _Outcome]:
+        """Table of the steps that succeeded, and how they ended."""
         balance = self.balance(state, active)
         self._set(state, balance.accelerations)
-        finished, stopped = self._solve(self._settings(state.t, end, steps), monitor)
+        settings = self._settings(state.t, end, steps)
+        settings.timeIntegration.newton.maxIterations = iterations
+        finished, stopped = self._solve(settings, monitor)
         table = self._table()
         table[0] = balance.row  # with accelerations given, Exudyn's own first row has no forces
         self.steps += len(table) - 1
         last = float(table[-1, 0])
-        arrived = abs(last - end) <= _SAME_TIME * max(1.0, end) or (stopped and last > state.t)
-        if not (finished and arrived):
-            hint = "a shorter timestep may help" if len(table) > 1 else "the step is too long, or a position singular"
-            solver = f"exudyn's {self.options.integrator} solver"
-            raise SimulationError(f"{solver} gave up after t = {last:.6g} s of {end:.6g} s; {hint}.")
-        return table
+        if finished and stopped and last > state.t:
+            return table, _Outcome.STOPPED
+        return table, _Outcome.ARRIVED if finished and self._is_at(last, end) else _Outcome.FAILED
+
+    def _past_failure(
+        self, table: FloatArray, step: float, end: float, monitor: Monitor | None
+    ) -> tuple[FloatArray, _Outcome]:
+        """A table that ends before a step that failed, with a longer step and equal ones after it."""
+        table = table[: max(1, len(table) - _BACK)]
+        state = self.state(table, -1)
+        for length in self._leaps:
+            leap, outcome = self._leap(state, min(state.t + length * step, end), monitor)
+            if outcome is not _Outcome.FAILED:
+                break
+        else:
+            self._give_up(table, end)
+        table, now = np.concatenate([table[:-1], leap]), self.state(leap, -1)
+        if outcome is _Outcome.STOPPED or self._is_at(now.t, end):
+            return table, outcome
+        rest, outcome = self._equal_steps(now, self.system.active, end, max(1, round((end - now.t) / step)), monitor)
+        return np.concatenate([table[:-1], rest]), outcome
+
+    def _leap(self, state: State, until: float, monitor: Monitor | None) -> tuple[FloatArray, _Outcome]:
+        """One step, which fails as well if its end is on another branch of the motion: if the speeds jump."""
+        leap, outcome = self._equal_steps(state, self.system.active, until, 1, monitor, _LEAP_ITERATIONS)
+        jump = np.abs(self.state(leap, -1).rates - state.rates)
+        if jump[2::3].max() > _JUMP * np.abs(state.rates[2::3]).max():
+            return leap, _Outcome.FAILED
+        return leap, outcome
+
+    @property
+    def _leaps(self) -> tuple[float, ...]:
+        """Lengths of steps in place of one that failed, in steps; only loops have singular positions."""
+        alone = self.options.adaptive_step or not self.system.mechanism.loop_joints
+        return () if alone else _LEAPS
+
+    def _is_at(self, time: float, end: float) -> bool:
+        return abs(time - end) <= _SAME_TIME * max(1.0, end)
+
+    def _give_up(self, table: FloatArray, end: float) -> NoReturn:
+        hint = "a shorter timestep may help" if len(table) > 1 else "the step is too long, or a position singular"
+        solver = f"exudyn's {self.options.integrator} solver"
+        raise SimulationError(f"{solver} gave up after t = {table[-1, 0]:.6g} s of {end:.6g} s; {hint}.")
 
     def _solve(self, settings: Any, monitor: Monitor | None) -> tuple[bool, bool]:
         """Whether Exudyn says it finished, and whether the monitor stopped it."""
@@ -194,7 +273,7 @@ class Solver:
             # The force of a stiff spring is known only to the rounding of an angle times its stiffness, and would not
             # fall further; the increments of the coordinates do. Exudyn wants both tolerances alike for them.
             newton.residualMode, newton.absoluteTolerance = 1, options.newton_relative
-        if self._redundant:  # a full-pivoting LU that leaves the multipliers out that it cannot tell
+        if self._dependent:  # a full-pivoting LU that leaves the multipliers out that it cannot tell
             settings.linearSolverType = exu.LinearSolverType.EigenDense
             settings.linearSolverSettings.ignoreSingularJacobian = True
         settings.solution.file.write = False
@@ -202,9 +281,9 @@ class Solver:
         return settings
 
 
-def _has_redundant_constraints(mechanism: Mechanism) -> bool:
-    """Whether some of the joints, and of the stops that touch at the start, follow from the others."""
+def _may_be_dependent(mechanism: Mechanism) -> bool:
+    """Whether constraints may follow from others: loops may have singular positions; stops may be redundant."""
     kinematics, (q, _) = Kinematics(mechanism), initial_state(mechanism)
-    rows = [*kinematics.loop_jacobian(q)]
-    rows += [kinematics.gap_jacobian(stop.name, q) for stop in mechanism.stops if stop.closed]
-    return len(rows) > 1 and int(np.linalg.matrix_rank(np.array(rows), rtol=DEPENDENT)) < len(rows)
+    rows = [kinematics.gap_jacobian(stop.name, q) for stop in mechanism.stops if stop.closed]
+    dependent = len(rows) > 1 and int(np.linalg.matrix_rank(np.array(rows), rtol=DEPENDENT)) < len(rows)
+    return dependent or bool(mechanism.loop_joints)
