@@ -130,6 +130,7 @@ class Watch:
         if equations.n_loops:
             basis = equations.basis(q, closed)
             self.rank = equations.n_loops + len(closed) if basis is None else basis.rows.shape[-2]
+            self.level = _NEAR if self.rank else 0.0  # joints that say again what the tree says lose no rank
             positions = q + np.random.default_rng(1).uniform(-np.pi, np.pi, (_POSITIONS, len(q)))
             arms = np.abs(equations.constraint_jacobian(positions, closed)).max(axis=0)
             self.arms = arms.max(axis=0)
