@@ -16,6 +16,7 @@ from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.force_elements import RotationalSpringDamper, SpringDamper
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
+from trebucheck.models.problems.registry import benchmark
 from trebucheck.models.stops import PointStop
 from trebucheck.reference.solver import characteristic_time, solve
 
@@ -183,3 +184,14 @@ def test_a_fault_in_an_element_shows(fault: str, monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(module, "build", wrongly)
     assert not check_model(ExudynEngine(), everything()).holds
+
+
+@pytest.mark.parametrize("steps", [1000, 566])
+def test_loops_pass_singular_positions(steps: int) -> None:
+    """The four-bar mechanism of equal links lies flat twice a turn: another branch is off by a radian within 0.2 s.
+
+    Of 566 steps one ends so near to the second flat position that Newton's iteration does not converge.
+    """
+    problem = Problem(benchmark("n-four-bar").problem().mechanism, 2.0)
+    run = ExudynEngine(timestep=2.0 / steps).simulate(problem)
+    assert np.abs(run.q - solve(problem).trajectory(run.t).q).max() <= 1e-2
