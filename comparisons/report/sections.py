@@ -56,7 +56,7 @@ def _singular_positions(passed: Sequence[SingularPosition]) -> Iterator[str]:
         yield (
             "The reference passes singular positions, in which its constraints lose rank, on the smooth branch of its "
             f"motion: at {times} s{more} (uncertain by {uncertain:.1g} s); each adds at most {adds:.1g} of the longest "
-            "arm to the uncertainty behind it. Beside them no forces are compared, and no claims of engines hold."
+            "arm to the uncertainty behind it. Beside them no forces are compared."
         )
 
 

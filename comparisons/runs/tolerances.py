@@ -21,6 +21,7 @@ from typing import Literal, Self
 from ...engines.registry import engine_class, engine_study
 from ...engines.study import Tolerance
 from ...models.errors import InputError
+from ...models.features import features_of
 from ...models.machines.registry import model
 from ...models.mechanism import Mechanism
 from ...models.spec import Real, Spec
@@ -310,10 +311,11 @@ def _step(run: Run) -> float | None:
 def _claim(metric: Metric, quantity: Quantity, scale: float, run: Run, machine: Machine) -> AppliedTolerance | None:
     """The engine's own, carried from Table I to this machine.
 
-    Claims are stated for motions without impacts or singular positions, and up to the predictability horizon.
+    Claims are stated for motions without impacts, loops and further elements, and up to the predictability horizon.
     """
     of, step = (run.engine, run.preset, metric.name, metric.subject, machine.mechanism), _step(run)
-    if machine.impacts or machine.singular_positions or (quantity.invariant and machine.whole_scales is not None):
+    unlike = machine.impacts or machine.mechanism.loop_joints or features_of(machine.mechanism)
+    if unlike or (quantity.invariant and machine.whole_scales is not None):
         return None
     scales, usual, mechanism = _table_one()
     if machine.table_one and (machine.stretching <= usual or _to_the_launch(machine)):

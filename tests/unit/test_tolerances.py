@@ -17,7 +17,7 @@ from trebucheck.comparisons.runs import tolerances as module
 from trebucheck.comparisons.runs import uncertainty
 from trebucheck.comparisons.runs.metrics import measure
 from trebucheck.comparisons.runs.quantities import QUANTITIES
-from trebucheck.comparisons.runs.results import Machine, Metric, Run, SingularPosition
+from trebucheck.comparisons.runs.results import Machine, Metric, Run
 from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.scales import Scales, scales_until
 from trebucheck.comparisons.runs.tolerances import DEFAULT, Needs, is_table_one, judge, tolerance_for
@@ -342,8 +342,18 @@ def test_claims_are_of_motions_without_impacts(table_one: Machine, monkeypatch: 
     _claiming(_claim(), monkeypatch=monkeypatch)
     metric = _metric("position_max", "projectile")
     assert _judged(metric, table_one.model_copy(update={"impacts": 1}), **STEP).source == "default"
-    passed = SingularPosition(time=0.5, time_uncertainty=0.0, uncertainty=0.0, lost=1)
-    assert _judged(metric, table_one.model_copy(update={"singular_positions": (passed,)}), **STEP).source == "default"
+
+
+def test_claims_are_of_trees_of_pins_slots_and_stops(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What an engine does with loops and springs it has claimed nothing about."""
+    _claiming(_claim(value=1e-7), monkeypatch=monkeypatch)
+    metric = _metric("position_max", "projectile")
+    damper = tb.RotationalSpringDamper(name="damper", body="arm", damping=0.1)
+    sprung = trolley().model_copy(update={"force_elements": (damper,)})
+    prop = tb.PinJoint(name="prop", parent="ground", child="arm", parent_point=(0, 0), child_point=(0, 0))
+    looped = trolley().model_copy(update={"joints": (*trolley().joints, prop)})
+    found = [_judged(metric, _machine(mechanism=each), **STEP).source for each in (trolley(), sprung, looped)]
+    assert found == ["claim", "default", "default"]
 
 
 def test_the_claim_at_the_next_shorter_step_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
