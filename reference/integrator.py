@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from functools import cache
 from typing import Any, cast
 
 import numpy as np
 from scipy.integrate import DOP853
+from threadpoolctl import ThreadpoolController
 
 from ..models.arrays import FloatArray
 from ..models.errors import SimulationError, TrebucheckError
@@ -112,6 +114,22 @@ class Integrator(DOP853):
         self.nfev += evaluations
         if t >= self.t_bound:
             self.status = "finished"
+
+
+@cache
+def _blas() -> ThreadpoolController:
+    return ThreadpoolController()
+
+
+@contextmanager
+def one_thread() -> Generator[None]:
+    """Computing in which linear algebra runs in one thread.
+
+    Two threads share a system of a hundred unknowns in less time than they take to meet, and on a busy machine they
+    wait for each other a hundred times longer.
+    """
+    with _blas().limit(limits=1, user_api="blas"):
+        yield
 
 
 @contextmanager

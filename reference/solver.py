@@ -27,7 +27,7 @@ from .compiled_integrator import CompiledIntegrator
 from .contact import ActiveSet, EventFunction, PostEventState
 from .damping import longest_step
 from .equations import Equations
-from .integrator import Integrator, StepLimit, numerical
+from .integrator import Integrator, StepLimit, numerical, one_thread
 from .singular import Watch, Window, note_singular_start
 from .solution import Segment, Solution
 
@@ -59,7 +59,7 @@ def solve(
         SimulationError: the integrator's step size collapsed or it gets nowhere, the equations are singular or leave
             the finite numbers, or there are more than ten thousand events.
     """
-    with numerical("from the start"):
+    with numerical("from the start"), one_thread():
         return _Integration(problem, rtol, atol, equations or Equations(problem.mechanism)).run()
 
 
