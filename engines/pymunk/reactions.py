@@ -138,7 +138,7 @@ def _multipliers(reading: Reading, needed: Mapping[str, ComplexArray], active: C
     kinematics = Kinematics(reading.mechanism)
     q = reading.coordinates()[0]
     rows = _rows(kinematics, q, active)
-    root = np.linalg.cholesky(_mass_matrix(kinematics, q))
+    root = np.linalg.cholesky(mass_matrix(kinematics, q))
     columns = np.linalg.solve(root, np.swapaxes(rows, 1, 2))
     missing = np.linalg.solve(root, _missing(reading, needed)[..., None])
     return np.asarray((np.linalg.pinv(columns, rcond=_SINGULAR) @ missing)[..., 0], dtype=np.float64)
@@ -168,7 +168,7 @@ def _rows(kinematics: Kinematics, q: FloatArray, active: Contacts) -> FloatArray
     return np.stack(rows, axis=-2)
 
 
-def _mass_matrix(kinematics: Kinematics, q: FloatArray) -> FloatArray:
+def mass_matrix(kinematics: Kinematics, q: FloatArray) -> FloatArray:
     """M(q), shape (n, n_q, n_q)."""
     jacobian = kinematics.gradient(kinematics.centres, q[:, None, :], kinematics.rates(q)[:, None, :])
     products = (np.swapaxes(jacobian.conj(), 1, 2) * kinematics.masses) @ jacobian

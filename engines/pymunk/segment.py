@@ -16,7 +16,7 @@ from ..protocol import Recording
 from .build import build
 from .leapfrog import Stepper
 from .options import PymunkOptions
-from .reactions import forces_of
+from .reactions import forces_of, mass_matrix
 from .read import Reading, as_vectors
 
 _TRIAL_ITERATIONS = 5_000  # which stops push depends on the mechanism, not on the preset
@@ -39,13 +39,21 @@ def _violated(mechanism: Mechanism, active: Contacts, touching: Contacts, h: flo
     torques = {name: float(torque[0]) for name, torque in forces_of(reading, tuple(assembly.stops)).torques.items()}
     least = -_ROUNDING * max(map(abs, torques.values()), default=0.0)
     kinematics, (q, u), a = Kinematics(mechanism), initial_state(mechanism), reading.accelerations()[0]
+    rounding = least * _compliance(kinematics, q, touching)
 
     def is_wrong(name: str) -> bool:
         if name in active:
             return torques[name] < least
-        return float(kinematics.gap_jacobian(name, q) @ a) + float(kinematics.gap_bias(name, q, u)) < 0
+        return float(kinematics.gap_jacobian(name, q) @ a) + float(kinematics.gap_bias(name, q, u)) < rounding
 
     return next((name for name in touching if is_wrong(name)), None)
+
+
+def _compliance(kinematics: Kinematics, q: FloatArray, touching: Contacts) -> float:
+    """The largest acceleration of a gap by the unit torque or force of its own stop, in the tree."""
+    rows = np.array([kinematics.gap_jacobian(name, q) for name in touching])
+    moved = np.linalg.pinv(mass_matrix(kinematics, q[None])[0]) @ rows.T
+    return float(np.max(np.sum(rows.T * moved, axis=0), initial=0.0))
 
 
 class Segment:

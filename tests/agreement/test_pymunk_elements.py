@@ -272,6 +272,20 @@ def test_what_pymunk_cannot_build_is_refused() -> None:
         PymunkEngine().simulate(Problem(still, 0.1))
 
 
+def test_two_equal_stops_that_would_have_to_pull_open_at_once() -> None:
+    """While one of them holds, the other's gap moves by rounding only: that is no closing."""
+    wheel = body_of("hull", "a", 2.7, (0.3, 0.02), 0.3)
+    stops = tuple(Stop(name=name, body="hull", sense=-1, limit=-0.4, closed=True) for name in ("one", "two"))
+    mechanism = Mechanism(
+        name="wheel", bodies=(wheel,), joints=(HINGE,), stops=stops, gravity=9.81, gravity_direction=(0.6, 0.8),
+        start=(0.4,),
+    )  # fmt: skip
+    exact = solve(Problem(mechanism, 0.2))
+    run = PymunkEngine().simulate(exact.problem)
+    assert dict(run.release_times) == dict(exact.release_times) == {"one": 0.0, "two": 0.0}
+    assert np.abs(run.q - exact.trajectory(run.t).q).max() <= 1e-6
+
+
 def test_a_spring_too_stiff_for_the_step_is_an_error_and_not_a_result() -> None:
     spring = SpringDamper(name="tie", body="bob", point=(0.4, 0.1), relative_point=(0.5, -1.0), stiffness=1e12)
     with pytest.raises(SimulationError, match=r"lost the joint .* a shorter timestep"):
