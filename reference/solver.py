@@ -361,4 +361,8 @@ def _downward_zero_crossing(
 
 
 def _root(function: Callable[[float], float], start: float, end: float) -> float:
+    """Where a function changes its sign; the end nearer to zero if rounding hides the change, as of a constant gap."""
+    first, last = function(start), function(end)
+    if first * last >= 0:
+        return start if abs(first) <= abs(last) else end
     return float(brentq(function, start, end, xtol=1e-15, rtol=1e-15))

@@ -22,6 +22,7 @@ from ...models.errors import EngineNotInstalledError, SimulationError, Unsupport
 from ...models.mechanism import Mechanism
 from ...reference.contact import active_contacts
 from ...reference.equations import Equations, consistent_coordinates, consistent_speeds
+from ...reference.reactions import undetermined_forces
 from ..runs.results import Check, Equality
 
 EXACT = 1e-10
@@ -74,7 +75,10 @@ class Expected:
     @cached_property
     def acceleration_scale(self) -> FloatArray:
         """Size of the accelerations, by coordinate."""
-        return _scale_of(self.accelerations, self.inertial / self.mass.max(axis=0).diagonal())
+        inertia = self.mass.max(axis=0).diagonal()
+        # Of a coordinate that constraints hold still: what the forces that they balance would do.
+        held = np.abs(self.forces).max(axis=0) / inertia
+        return np.maximum(_scale_of(self.accelerations, self.inertial / inertia), held)
 
     @cached_property
     def torque_scales(self) -> dict[str, float]:
@@ -127,13 +131,17 @@ def expected(mechanism: Mechanism, states: Sequence[State], equations: Equations
 def _solved(
     equations: Equations, states: Sequence[State], q: FloatArray, u: FloatArray
 ) -> tuple[FloatArray, tuple[dict[str, float], ...]]:
-    """Accelerations, shape (n_states, n_q), and torques of the closed stops; states of the same stops at once."""
+    """Accelerations, shape (n_states, n_q), and torques of the closed stops that are unique.
+
+    States of the same stops are solved at once.
+    """
     accelerations, torques = np.empty_like(q), [dict[str, float]() for _ in states]
     for closed in dict.fromkeys(tuple(state.closed) for state in states):
         rows = [k for k, state in enumerate(states) if tuple(state.closed) == closed]
         accelerations[rows], multipliers = equations.solve(q[rows], u[rows], closed)
+        _, undetermined = undetermined_forces(equations, q[rows[0]], closed)
         for k, efforts in zip(rows, multipliers[:, equations.n_loops :].tolist(), strict=True):
-            torques[k] = dict(zip(closed, efforts, strict=True))
+            torques[k] = {n: x for n, x in zip(closed, efforts, strict=True) if n not in undetermined}
     return accelerations, tuple(torques)
 
 
@@ -254,6 +262,7 @@ def _by_name(name: str, subjects: Sequence[str], difference: FloatArray, scale: 
 
 _SPREAD = 0.5  # [rad or m] of the coordinates about the start
 _SPEED = 1.0  # [rad/s or m/s]
+_ROUNDING = 1e-12  # [rad/s or m/s], or of the terms whose sum is a gap speed
 _OPEN = 0.02  # [rad] least gap of an open stop: well beyond the margin at which any engine makes a contact
 _DRAWS = 60  # for one set of stops; if they are never all active, those that are are taken
 
@@ -261,8 +270,9 @@ _DRAWS = 60  # for one set of stops; if they are never all active, those that ar
 def random_states(mechanism: Mechanism, n: int = 24, seed: int = 20) -> tuple[State, ...]:
     """States over all sets of stops that are closed at the start, the same ones each time.
 
-    The first one is the start itself, with the stops that are active there. Fewer than n come back only where a machine
-    allows no state with its other stops open near the start.
+    The first one is the start itself, with the stops that are active there; if its speeds move the gap of a closed
+    stop, with the nearest ones that do not. Fewer than n come back only where a machine allows no state with its other
+    stops open near the start.
 
     Args:
         n: how many.
@@ -288,7 +298,15 @@ def _start(equations: Equations) -> State:
     q = np.array(mechanism.start)
     u = np.array(mechanism.start_speeds or [0.0] * len(q))
     touching = tuple(stop.name for stop in mechanism.stops if stop.closed)
+    if not all(_rests(equations, stop, q, u) for stop in touching):
+        u = consistent_speeds(equations, q, u, touching)
     return State(q, u, active_contacts(equations, q, u, touching))
+
+
+def _rests(equations: Equations, stop: str, q: FloatArray, u: FloatArray) -> bool:
+    """Whether the gap of a stop does not move: a start may drive into a closed stop, or off it."""
+    terms = equations.kinematics.gap_jacobian(stop, q) * u
+    return abs(float(terms.sum())) <= _ROUNDING * max(1.0, float(np.abs(terms).sum()))
 
 
 def _state(equations: Equations, touching: tuple[str, ...], random: np.random.Generator) -> State | None:

@@ -106,6 +106,7 @@ class ReferenceAccelerationCorrection:
         return 4 if self.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4 else 1
 
     def _correct_contacts(self, model: Any, data: Any) -> None:
+        terms: dict[tuple[int, int], FloatArray] = {}  # both sides of a slot have the same
         pairs = zip(data.contact.efc_address.tolist(), data.contact.geom.tolist(), strict=True)
         for i, (row, (one, other)) in enumerate(pairs):
             if row < 0:
@@ -113,7 +114,12 @@ class ReferenceAccelerationCorrection:
             reference = float(data.efc_aref[row])
             if self.velocity_term:
                 feedback = self._feedback.setdefault((one, other), _feedback(data, row))
-                reference = feedback - _contact_velocity_term(model, data, i)
+                is_first = model.geom_type[one] == mujoco.mjtGeom.mjGEOM_SPHERE
+                sphere, wall, sign = (one, other, -1.0) if is_first else (other, one, 1.0)
+                between = sphere, int(model.geom_bodyid[wall])
+                if between not in terms:
+                    terms[between] = _relative_velocity_term(model, data, *between)
+                reference = feedback - sign * (data.contact.frame[i, :3] @ terms[between])
             if (one, other) in self.contacts:
                 stiffness, _, impedance, _ = data.efc_KBIP[row]
                 reference += self.contacts[one, other] - stiffness * impedance * data.efc_margin[row]
@@ -147,28 +153,19 @@ def _equality_velocity_term(model: Any, data: Any, index: int) -> FloatArray | f
     return one - other
 
 
-def _contact_velocity_term(model: Any, data: Any, index: int) -> float:
-    """The same of the gap of a contact of a sphere with a wall.
+def _relative_velocity_term(model: Any, data: Any, sphere: int, holder: int) -> FloatArray:
+    """The same of a sphere's centre as seen from the body with a wall, shape (3,) [m/s^2].
 
-    It is that of the sphere's centre, not of the point of contact, for the gap does not depend on the sphere's
-    rotation. Seen from a wall that turns with w it is that of the centre, less that of the wall's point there, less
-    2 w x v of the centre's velocity relative to the wall.
+    Of its centre, not of the point of contact: its gap does not depend on its rotation. Seen from a body that turns
+    with w it is that of the centre, less that of the body's point there, less 2 w x v of the relative velocity v.
     """
-    one, other = data.contact.geom[index].tolist()
-    is_sphere = model.geom_type[one] == mujoco.mjtGeom.mjGEOM_SPHERE
-    sphere, wall, sign = (one, other, -1.0) if is_sphere else (other, one, 1.0)
-    centre, body, holder = data.geom_xpos[sphere], model.geom_bodyid[sphere], model.geom_bodyid[wall]
-    acceleration = _velocity_term(model, data, centre, body)
-    if model.body_weldid[holder] != 0:
-        velocity, _ = _motion(model, data, centre, body)
-        of_wall, turning = _motion(model, data, centre, holder)
-        acceleration = acceleration - _velocity_term(model, data, centre, holder)
-        acceleration -= 2 * np.cross(turning, velocity - of_wall)
-    return float(sign * (data.contact.frame[index, :3] @ acceleration))
-
-
-def _motion(model: Any, data: Any, point: FloatArray, body: int) -> tuple[FloatArray, FloatArray]:
-    """Velocity of a body's point [m/s] and the body's angular velocity [rad/s], each of shape (3,)."""
+    centre, body = data.geom_xpos[sphere], model.geom_bodyid[sphere]
+    term = _velocity_term(model, data, centre, body)
+    if model.body_weldid[holder] == 0:
+        return term
     along, about = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-    mujoco.mj_jac(model, data, along, about, point, body)
-    return along @ data.qvel, about @ data.qvel
+    mujoco.mj_jac(model, data, along, None, centre, body)
+    velocity = along @ data.qvel
+    mujoco.mj_jac(model, data, along, about, centre, holder)
+    (x, _, z), turning = velocity - along @ data.qvel, 2.0 * float(about[1] @ data.qvel)
+    return term - _velocity_term(model, data, centre, holder) - np.array([turning * z, 0.0, -turning * x])

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from elements import ELEMENTS, UP, WALLS, lever
 from mechanisms import everything
-from trebucheck.comparisons.equivalence.checks import EXACT, check_model
+from random_mechanisms import random_mechanism
+from trebucheck.comparisons.equivalence.checks import EXACT, check_model, random_states
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.models.errors import UnsupportedProblemError
+from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
+from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.stops import PointStop
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import characteristic_time, solve
@@ -72,6 +74,25 @@ def test_walls_of_moving_bodies(name: str) -> None:
     assert exact.impacts or exact.release_times["wall"]
     found = errors(exact, timestep=1e-3 * characteristic_time(mechanism))
     assert max(found["q"], found["events"]) <= BAR
+
+
+# Of these loops lock a part of the mechanism (22), stops or joints are redundant (21, 31), a gap is constant (10).
+@pytest.mark.parametrize("seed", [2, 10, 21, 22, 31])
+def test_random_mechanisms(seed: int) -> None:
+    mechanism = random_mechanism(seed)
+    assert check_model(MujocoEngine(), mechanism).holds
+    exact = solve(Problem(mechanism, 0.05, stop_law=StopLaw.UNILATERAL))
+    run = MujocoEngine(timestep=1e-3 * min(1.0, characteristic_time(mechanism))).simulate(exact.problem)
+    assert np.abs(run.q - exact.trajectory(run.t).q).max() <= BAR
+
+
+@pytest.mark.parametrize("speed", [-1.0, 1.0])
+def test_a_start_that_drives_into_a_stop_or_off_it_is_looked_at_at_rest(speed: float) -> None:
+    moving = Mechanism(**(dict(lever(UP, True, 0.0)) | {"start_speeds": (speed, 0.0)}))
+    state = random_states(moving)[0]
+    assert state.closed == ("wall",)
+    assert Kinematics(moving).gap_jacobian("wall", state.q) @ state.u == pytest.approx(0.0, abs=1e-14)
+    assert check_model(MujocoEngine(), moving).holds
 
 
 def test_a_stop_of_a_body_against_itself_is_refused() -> None:
