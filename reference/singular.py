@@ -38,12 +38,10 @@ _CLOSES = 2e-13  # of the largest arm: how well loops that have a singular posit
 _DRIFT = 3e-12  # of the largest arm: loops that close no better are integrated as ones without a singular position
 _SAMPLES = 200  # of a window, in search of singular positions
 _BESIDE = 1e-3  # of a window's half: where it is tested whether a singular value changes sign
-_ITERATIONS = 20
-_PLACINGS = 8
+_ITERATIONS, _PLACINGS = 20, 8
 _POLE = 1e-5  # of a window's half
 _EPSILON = 4 * float(np.finfo(np.float64).eps)
-_PROBES = np.linspace(0.0, 1.0, 5)  # of a step
-_SAFETY = 2.0  # of what a step may change: speeds inside it are not those at its ends
+_PROBES, _SAFETY = np.linspace(0.0, 1.0, 5), 2.0  # of a step; of what it may change, as speeds inside it are others
 _POSITIONS = 32  # random ones, for the largest arms
 
 
@@ -264,11 +262,10 @@ class Watch:
         return float(t[k]) if k > 0 else None
 
     def _placed(self, given: Given, half: float) -> Polynomial | None:
-        """A first polynomial on a window in whose middle the motion is nearest to the singular position."""
-        before = None
+        """A first polynomial on a window in whose middle, or nearly so, the motion is nearest to the position."""
+        motion = None
         for _ in range(_PLACINGS):
-            motion = self._collocated(given, given.time, half, _FIRST, before)
-            if motion is None:
+            if (motion := self._collocated(given, given.time, half, _FIRST, motion)) is None:
                 return None
             ahead = half * np.linspace(0.0, 2.5, 101)
             values = self._values(motion.values(motion.q, given.time + ahead))[:, -1]
@@ -276,8 +273,10 @@ class Watch:
             if k == 0:
                 return None
             if abs(ahead[k] - half) < 0.05 * half:
-                return motion
-            half, before = float(ahead[k]), motion
+                clear = ahead[k:][values[k:] > 0.5 * values[0]]  # of the next singular position, if there is one
+                end = clear[np.argmin(np.abs(clear - 2 * half))] if len(clear) else 2 * half
+                return self._collocated(given, given.time, 0.5 * float(end), _FIRST, motion)
+            half = float(ahead[k])
         return None
 
     def _refined(self, placed: Polynomial, given: Given) -> Window | None:

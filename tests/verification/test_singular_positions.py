@@ -94,6 +94,22 @@ def test_redundant_cranks_pass_theirs_as_one_pendulum() -> None:
         assert len(solution.singular_passages) == np.abs(np.diff(np.floor(solution.motion(t).q[:, 0] / np.pi))).sum()
 
 
+def test_loops_pass_their_own_positions_shortly_one_after_the_other() -> None:
+    level, tilt = _windows(2, -1.0, 2.0), 0.05
+    foot = pin("foot 2", GROUND, "crank 2", (1 + math.cos(tilt), -math.sin(tilt)))
+    joints = tuple(foot if joint.name == "foot 2" else joint for joint in level.joints)
+    solution = solve(Problem(level.model_copy(update={"joints": joints, "start": (-1.0,) * 3 + (0.0, tilt)}), 3.0))
+    t = np.linspace(0.0, 3.0, 301)
+    assert (
+        np.abs(solution.motion(t).q - solution.motion(t).q[:, :1] * [1, 1, 1, 0, 0] - [0, 0, 0, 0, tilt]).max() < 1e-12
+    )
+    turned = solution.motion(t).q[:, 0] / math.pi
+    counted = [np.abs(np.diff(np.floor(turned - aside / math.pi))).sum() for aside in (0.0, tilt)]
+    passed = [solution.motion(np.array([passage.time])).q[0, 0] for passage in solution.singular_passages]
+    for count, aside in zip(counted, (0.0, tilt), strict=True):
+        assert count == sum(abs(math.remainder(angle - aside, math.pi)) < 1e-12 for angle in passed) > 2
+
+
 class _ChangePoint:
     """A four-bar whose shortest and longest links are together as long as the others: ground + coupler = the rest.
 
