@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypedDict
 
 import typer
 
@@ -16,39 +16,46 @@ if TYPE_CHECKING:
     from ..comparisons.runs.study import Progress
     from ..models.machines.parameters import TrebuchetParameters
     from ..models.mechanism import Mechanism
+    from ..models.problem import Problem, StopLaw
 
 
 def certify_command(
     models: options.Models = "fixed,rolling",
     assignments: options.Set = None,
     beam: options.Beam = None,
+    duration: options.Duration = None,
     timeout: options.Timeout = 600.0,
     out: Annotated[Path, options.out("Folder for one JSON file a machine.")] = Path("certificates"),
 ) -> None:
     """Compute each machine's figures in every independent way there is; write values and uncertainties.
 
     Formulations: minimal and redundant coordinates, the paper's equations. Integrators: DOP853 over a ladder of
-    tolerances, and Taylor series in double and extended precision where heyoka is installed. Ends with exit code 1 if a
-    machine's motion could not be computed.
+    tolerances, and Taylor series in double and extended precision where heyoka is installed. Motions go to the launch,
+    or as long as a problem of the library asks for. Ends with exit code 1 if a machine's motion could not be computed.
 
     Examples:
     trebucheck certify --out certificates
 
     trebucheck certify --models fixed --set l1=9.5
+
+    trebucheck certify --models squeezer
     """
     from ..comparisons.runs.runner import Worker
     from ..models.errors import SimulationError
     from ..models.files import refuse_unwritable
 
     chosen = options.parameters(assignments, beam)
-    machines = options.machines(models, assignments, beam)
+    machines = options.given(models, assignments, beam)
+    if duration is not None:
+        options.positive(duration, "--duration")
     refuse_unwritable(out)
     failed = False
     with Worker(options.positive(timeout, "--timeout")) as worker:
-        for name, mechanism in zip(options.names(models, "--models"), machines, strict=True):
-            command = _command(name, assignments, beam)
+        for name, machine in zip(options.names(models, "--models"), machines, strict=True):
+            command = _command(name, assignments, beam, duration)
+            mechanism, asked = _asked(machine, duration)
             try:
-                _certify(mechanism, chosen.whipper(name), command, worker, out / f"{mechanism.name}.json")
+                _certify(mechanism, chosen.whipper(name), asked, command, worker, out / f"{mechanism.name}.json")
             except SimulationError as error:  # the others must not be lost with it
                 failed = True
                 print(f"error: {mechanism.name}: {error}", file=sys.stderr)
@@ -56,8 +63,27 @@ def certify_command(
         raise typer.Exit(1)
 
 
+class _Asked(TypedDict, total=False):
+    duration: float | None
+    stop_law: StopLaw
+
+
+def _asked(machine: Mechanism | Problem, duration: float | None) -> tuple[Mechanism, _Asked]:
+    """The mechanism, and how long and under which law of its stops it is to move."""
+    from ..models.problem import Problem
+
+    if isinstance(machine, Problem):
+        return machine.mechanism, {"duration": duration or machine.duration, "stop_law": machine.stop_law}
+    return machine, {"duration": duration}
+
+
 def _certify(
-    mechanism: Mechanism, parameters: TrebuchetParameters | None, command: str, worker: Worker, path: Path
+    mechanism: Mechanism,
+    parameters: TrebuchetParameters | None,
+    asked: _Asked,
+    command: str,
+    worker: Worker,
+    path: Path,
 ) -> None:
     """One machine's certificate, written and shown."""
     from ..comparisons.report import terminal
@@ -67,19 +93,21 @@ def _certify(
 
     with output.progress(width=28) as show:
         named = _named(mechanism, show)
-        certificate = certify(mechanism, parameters, command=command, progress=named, call=worker.compute)
+        certificate = certify(mechanism, parameters, command=command, progress=named, call=worker.compute, **asked)
     write_text(path, certificate.to_json() + "\n")
     terminal.show(certificate_report(certificate), terminal.console())
     line = f"Certificate: {output.printable(str(path))}\n"
     terminal.console().print(line, soft_wrap=True, markup=False)
 
 
-def _command(name: str, assignments: list[str] | None, beam: float | None) -> str:
+def _command(name: str, assignments: list[str] | None, beam: float | None, duration: float | None) -> str:
     """What makes the same figures again."""
     words = ["trebucheck", "certify", "--models", name]
     for text in assignments or []:
         words += ["--set", text]
-    return shlex.join([*words, "--beam", repr(beam)] if beam is not None else words)
+    for option, value in (("--beam", beam), ("--duration", duration)):
+        words += [option, repr(value)] if value is not None else []
+    return shlex.join(words)
 
 
 def _named(mechanism: Mechanism, show: Progress) -> Progress:

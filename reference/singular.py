@@ -389,6 +389,8 @@ def note_singular_start(equations: Equations, q: FloatArray, u: FloatArray) -> N
         place = beside
         for _ in range(_ITERATIONS):
             place = place - least_step(equations.constraint_jacobian(place, ()), equations.loop_residual(place), rank)
+            if not np.abs(place - beside).max() < 1.0:  # where the rank is less, steps have no bound
+                break
         near = np.abs(place - beside).max() < 1e-2 and np.abs(equations.loop_residual(place)).max() < 1e-12
         if near and equations.rank(place, ()) == rank:
             equations.note_rank((), rank)

@@ -18,10 +18,11 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
+import math
 import platform
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from statistics import median
 from typing import TYPE_CHECKING, Any
@@ -30,16 +31,18 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
+from ...models.kinematics import initial_state
 from ...models.launch import Launch
 from ...models.machines.parameters import TrebuchetParameters
 from ...models.machines.registry import model
 from ...models.mechanism import Mechanism
-from ...models.problem import Problem
+from ...models.problem import Problem, StopLaw
+from ..equations import Equations
 from ..solution import Solution
 from ..solver import characteristic_time, solve, solve_until
 from ..taylor.choice import why_not_taylor
 from .certificate import Certificate, Computation, Figure
-from .quantities import BEYOND_LAUNCH, Key, Motion, Plan, PointState, plan, read_quantities
+from .quantities import Key, Motion, Plan, PointState, grid_step, plan, read_quantities
 from .redundant import solve_redundant
 
 if TYPE_CHECKING:
@@ -53,8 +56,9 @@ RULE = (
 )
 PAPER_MACHINES = ("fixed", "rolling")
 _SEARCH = (2.2, 5.5)  # characteristic times up to which the launch is searched
-_NO_LAUNCH = 4.0  # [s] of a machine that does not launch, this much is certified
-_MARGIN = 0.02  # [s] past the last instant that is read
+_NO_LAUNCH = 40  # steps of the grid: of a machine that does not launch, this much is certified
+_MARGINS = 5  # in a step: one of them lies past the last instant that is read
+_AT_REST = 4.0  # [s] the time scale of what nothing moves
 _SAFETY = 3.0
 _ORDER = 7 / 8  # DOP853: error per step ~ h^8 held at the tolerance, so the whole ~ h^7 goes with tolerance^(7/8)
 _ROUNDINGS = 16  # a random walk over some 250 steps
@@ -118,6 +122,8 @@ def certify(
     mechanism: Mechanism,
     parameters: TrebuchetParameters | None = None,
     *,
+    duration: float | None = None,
+    stop_law: StopLaw = StopLaw.RELEASE_ONCE,
     command: str = "",
     ladder: Sequence[float] = LADDER,
     progress: Progress | None = None,
@@ -126,9 +132,12 @@ def certify(
     """Compute a machine's figures in every independent way there is, and their uncertainties.
 
     Args:
-        mechanism: any, moved under the release-once law.
+        mechanism: any.
         parameters: those it was built from, if it is a named machine: the paper's own equations are then solved,
             too. Left out, Table I is tried.
+        duration: of the certified motion [s]; if left out, to the launch, or forty steps of the grid of instants, which
+            is a power of ten below a fifth of the characteristic time.
+        stop_law: of its stops.
         command: what made this certificate, to be written into it.
         ladder: tolerances of DOP853, the tightest last.
         progress: called before each computation.
@@ -140,7 +149,7 @@ def certify(
     """
     if len(ladder) < 2 or list(ladder) != sorted(ladder, reverse=True):
         raise InputError(f"ladder = {list(ladder)!r} must hold at least two falling tolerances.")
-    problem, plan = call(partial(_problem, mechanism))
+    problem, plan = call(partial(_problem, mechanism, duration, stop_law))
     tasks, absent = _tasks(problem, plan, parameters, ladder)
     results: dict[str, Values] = {}
     for done, task in enumerate(tasks):
@@ -223,16 +232,32 @@ def _judged(results: Mapping[str, Values], computations: Sequence[Computation]) 
         yield Figure(**key._asdict(), value=value, uncertainty=uncertainty, values=by_key[key])
 
 
-def _problem(mechanism: Mechanism) -> tuple[Problem, Plan]:
-    """To just past the launch; or some seconds, for a machine that does not launch."""
-    scale = characteristic_time(mechanism) if mechanism.gravity > 0 else _NO_LAUNCH
-    first, second = (spans * scale for spans in _SEARCH)
-    solution = solve_until(mechanism, (first, max(second, _NO_LAUNCH)), lambda solution: solution.launch is not None)
+def _problem(mechanism: Mechanism, duration: float | None, stop_law: StopLaw) -> tuple[Problem, Plan]:
+    """To just past the launch; or the given duration or some steps, for a machine that does not launch."""
+    if duration is not None:
+        problem, step = Problem(mechanism, duration=duration, stop_law=stop_law), grid_step(duration / 2)
+        motion = MinimalMotion(solve(problem))
+        return problem, replace(plan(mechanism, motion, duration, step), launches=False)
+    scale = _time_scale(mechanism)
+    step, (first, second) = grid_step(scale), (spans * scale for spans in _SEARCH)
+    longest = _NO_LAUNCH * step
+    spans = (first, max(second, longest))
+    solution = solve_until(mechanism, spans, lambda solution: solution.launch is not None, stop_law)
     motion, launch = MinimalMotion(solution), solution.launch
     if launch is None:
-        return Problem(mechanism, duration=_NO_LAUNCH), plan(mechanism, motion, _NO_LAUNCH)
-    duration = launch.time + BEYOND_LAUNCH + _MARGIN
-    return Problem(mechanism, duration=duration), plan(mechanism, motion, launch.time)
+        return Problem(mechanism, duration=longest, stop_law=stop_law), plan(mechanism, motion, longest, step)
+    end = launch.time + step + step / _MARGINS
+    return Problem(mechanism, duration=end, stop_law=stop_law), plan(mechanism, motion, launch.time, step)
+
+
+def _time_scale(mechanism: Mechanism) -> float:
+    """The characteristic time; without gravity, the time in which the fastest coordinate moves by 1 rad or 1 m."""
+    if mechanism.gravity > 0:
+        return characteristic_time(mechanism)
+    q, u = initial_state(mechanism)
+    a, _ = Equations(mechanism).solve(q, u, [stop.name for stop in mechanism.stops if stop.closed])
+    fastest = max(float(np.abs(u).max()), math.sqrt(np.abs(a).max()))
+    return 1 / fastest if fastest > 0 else _AT_REST
 
 
 def _tasks(
@@ -244,16 +269,17 @@ def _tasks(
     def redundant(tolerance: float) -> Motion:
         return solve_redundant(problem, tolerance)
 
-    formulations = (
-        ("minimal", "absolute angles, stops and loops by KKT", minimal),
-        ("redundant", "three coordinates a body, joints and stops by KKT", redundant),
-    )
+    formulations = [("minimal", "absolute angles, stops and loops by KKT", minimal)]
+    absent: list[str] = []
+    if problem.stop_law is StopLaw.RELEASE_ONCE:
+        formulations.append(("redundant", "three coordinates a body, joints and stops by KKT", redundant))
+    else:
+        absent.append("redundant: it follows the release-once law of a stop only")
     tasks = [
         _Task(_by_dop853(name, text, tolerance, tolerance == ladder[-1]), partial(_read_at, run, tolerance, plan))
         for name, text, run in formulations
         for tolerance in ladder
     ]
-    absent: list[str] = []
     for more in (_paper_task(problem, plan, parameters, ladder[-1]), *_taylor_tasks(problem, plan)):
         if isinstance(more, _Task):
             tasks.append(more)

@@ -15,10 +15,6 @@ from ...models.launch import Launch
 from ...models.mechanism import Mechanism
 
 PROJECTILE, COUNTERWEIGHT = "projectile", "counterweight"
-GRID = 0.1  # [s] positions are certified at multiples of this
-BEYOND_LAUNCH = 0.1  # [s] the best release and the largest energy ratio are searched up to here
-_SCAN = 1e-3  # [s] for a maximum, before its derivative's root is found
-
 PointState = tuple[FloatArray, FloatArray, FloatArray]
 """Position [m], velocity [m/s], acceleration [m/s^2] of a point, each (2,)."""
 
@@ -71,21 +67,32 @@ class Plan:
     releases: tuple[str, ...]
     halfway: Mapping[str, float]
     """A fixed instant about half way to each release [s]."""
+    step: float
+    """Of the grid of instants, a power of ten [s]; the best release and the largest energy ratio are searched up to one
+    step about the launch."""
     grid: tuple[float, ...]
     launches: bool
 
 
-def plan(mechanism: Mechanism, motion: Motion, end: float) -> Plan:
+def grid_step(scale: float) -> float:
+    """The largest power of ten below a fifth of a time scale, both [s]."""
+    return 10.0 ** math.floor(math.log10(scale / 5))
+
+
+def plan(mechanism: Mechanism, motion: Motion, end: float, step: float) -> Plan:
     """Quantities of a machine whose motion is known well enough to say which there are.
 
     Args:
         end: of the certified motion, the launch or the duration [s].
+        step: of the grid of instants, a power of ten [s].
     """
     times = {name: time for name, time in motion.release_times.items() if time is not None and time <= end}
-    # Rounded to milliseconds: all computations must use the same number.
-    halfway = {name: max(round(time / 2, 3), 1e-3) for name, time in times.items() if time > 4e-3}
-    grid = tuple(round(i * GRID, 1) for i in range(1, int(end / GRID) + 1))
-    return Plan(mechanism, tuple(times), halfway, grid, motion.launch is not None)
+    # Rounded to a hundredth of the step: all computations must use the same number.
+    decimals = -round(math.log10(step))
+    least = 10.0 ** -(decimals + 2)
+    halfway = {name: max(round(time / 2, decimals + 2), least) for name, time in times.items() if time > 4 * least}
+    grid = tuple(round(i * step, decimals) for i in range(1, int(end / step) + 1))
+    return Plan(mechanism, tuple(times), halfway, step, grid, motion.launch is not None)
 
 
 def read_quantities(motion: Motion, plan: Plan) -> dict[Key, float]:
@@ -117,10 +124,10 @@ def _releases(motion: Motion, plan: Plan) -> _KeyedValues:
         yield from _coordinates(motion, plan, time, f"release of {name}")
 
 
-def _coordinates(motion: Motion, plan: Plan, time: float, at: str) -> _KeyedValues:
+def _coordinates(motion: Motion, plan: Plan, time: float, at: str, instant: float | None = None) -> _KeyedValues:
     q, _ = motion.state(time)
     for i, name in enumerate(plan.mechanism.coordinates):
-        yield Key("coordinate", name, at, "rad" if i < len(plan.mechanism.angles) else "m"), q[i]
+        yield Key("coordinate", name, at, "rad" if i < len(plan.mechanism.angles) else "m", instant), q[i]
 
 
 def _torques(motion: Motion, plan: Plan) -> _KeyedValues:
@@ -130,10 +137,13 @@ def _torques(motion: Motion, plan: Plan) -> _KeyedValues:
 
 
 def _grid(motion: Motion, plan: Plan) -> _KeyedValues:
-    if PROJECTILE not in {marker.name for marker in plan.mechanism.markers}:
-        return
+    """Where the projectile is; of a mechanism that has none, all coordinates and markers."""
+    names = [marker.name for marker in plan.mechanism.markers]
     for time in plan.grid:
-        yield from _position(motion, PROJECTILE, time, f"{time:g} s", time)
+        if PROJECTILE not in names:
+            yield from _coordinates(motion, plan, time, f"{time:g} s", time)
+        for name in [PROJECTILE] if PROJECTILE in names else names:
+            yield from _position(motion, name, time, f"{time:g} s", time)
 
 
 def _position(motion: Motion, name: str, time: float, at: str, instant: float | None = None) -> _KeyedValues:
@@ -163,7 +173,7 @@ def _rightmost(motion: Motion, plan: Plan) -> _KeyedValues:
     def x(t: float, derivative: int = 0) -> float:
         return float(motion.marker(COUNTERWEIGHT, t)[derivative][0])
 
-    time = _maximum(x, lambda t: x(t, 1), 0.0, launch.time, 0.01)
+    time = _maximum(x, lambda t: x(t, 1), 0.0, launch.time, plan.step / 10)
     if time is not None:
         yield Key("position_x_max", COUNTERWEIGHT, "before launch", "m"), motion.marker(COUNTERWEIGHT, time)[0][0]
 
@@ -173,7 +183,7 @@ def _best_release(motion: Motion, plan: Plan) -> _KeyedValues:
     launch, g = motion.launch, plan.mechanism.gravity
     if launch is None or g == 0:
         return
-    time = _near(motion, launch, lambda t: vacuum_range(motion, g, t), lambda t: _range_rate(motion, g, t))
+    time = _near(motion, launch, plan.step, lambda t: vacuum_range(motion, g, t), lambda t: _range_rate(motion, g, t))
     if time is not None:
         _, velocity, _ = motion.marker(PROJECTILE, time)
         yield Key("best_release_time", None, "longest range", "s"), time
@@ -187,18 +197,18 @@ def _largest_ratio(motion: Motion, plan: Plan) -> _KeyedValues:
     if launch is None or not motion.energy(0.0):
         return
     ratio = _energy_ratio(motion, plan.mechanism)
-    time = _near(motion, launch, lambda t: _speed_rate(motion, t)[0], lambda t: _speed_rate(motion, t)[1])
+    time = _near(motion, launch, plan.step, lambda t: _speed_rate(motion, t)[0], lambda t: _speed_rate(motion, t)[1])
     if time is not None:
         yield Key("largest_ratio_time", None, "fastest", "s"), time
         yield Key("largest_ratio", None, "fastest", "1"), ratio(time)
 
 
 def _near(
-    motion: Motion, launch: Launch, value: Callable[[float], float], rate: Callable[[float], float]
+    motion: Motion, launch: Launch, step: float, value: Callable[[float], float], rate: Callable[[float], float]
 ) -> float | None:
     opened = [time for time in motion.release_times.values() if time is not None and time < launch.time]
-    before = max(max(opened, default=0.0), launch.time - BEYOND_LAUNCH)
-    return _maximum(value, rate, before, launch.time + BEYOND_LAUNCH, _SCAN)
+    before = max(max(opened, default=0.0), launch.time - step)
+    return _maximum(value, rate, before, launch.time + step, step / 100)
 
 
 def _maximum(

@@ -23,7 +23,7 @@ from functools import cached_property
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.errors import UnsupportedProblemError
+from ...models.errors import SimulationError, UnsupportedProblemError
 from ...models.joints import GROUND, AnyJoint
 from ...models.launch import Launch, rest_opened
 from ...models.mechanism import Mechanism
@@ -227,7 +227,11 @@ class RedundantSystem:
         n, m = self.n, len(jacobian)
         matrix = np.zeros((n + m, n + m))
         matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = self._mass, -jacobian.T, jacobian
-        return np.asarray(np.linalg.solve(matrix, np.concatenate([forces, right])), dtype=np.float64)
+        try:
+            return np.asarray(np.linalg.solve(matrix, np.concatenate([forces, right])), dtype=np.float64)
+        except np.linalg.LinAlgError:
+            name = self.mechanism.name
+            raise SimulationError(f"{name!r} has no unique accelerations in a state it comes to.") from None
 
     def _solve(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
         """Accelerations, then multipliers."""

@@ -11,6 +11,8 @@ import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
+from mechanisms import angle_stop, everything, hanging_bob
+from trebucheck.models.problem import StopLaw
 from trebucheck.models.spec import schema_text
 from trebucheck.reference.certification import certificate as module
 from trebucheck.reference.certification.certificate import (
@@ -197,6 +199,32 @@ def test_a_machine_without_launch_and_marker_is_certified() -> None:
     certificate = certify(machine, ladder=(1e-10, 1e-12))
     assert certificate.figure("total_energy") is not None
     assert any("paper" in sentence for sentence in certificate.absent)
+
+
+def test_any_mechanism_is_certified_in_parts_of_its_own_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Springs, slides on bodies and no projectile: coordinates and markers at instants of the duration asked for."""
+    monkeypatch.setattr("trebucheck.reference.certification.certify.why_not_taylor", lambda _: "compilation takes long")
+    mechanism = everything()
+    certificate = certify(mechanism, duration=0.05, ladder=(1e-10, 1e-13))
+    end = [f for f in certificate.figures if f.at == "0.05 s"]
+    assert {f.subject for f in end} == {*mechanism.coordinates, *(marker.name for marker in mechanism.markers)}
+    units = {f.subject: f.unit for f in end if f.name == "coordinate"}
+    assert {name for name, unit in units.items() if unit == "rad"} == set(mechanism.angles)
+    # 1e-13 a step over some ten steps, tripled, and the extrapolation from 1e-10, which is no better than a bound.
+    assert max(f.uncertainty for f in end) < 1e-11
+    assert {c.name.split(",")[0] for c in certificate.computations} == {"minimal", "redundant"}
+    assert "taylor, double: compilation takes long" in certificate.absent
+    energy = certificate.figure("total_energy")
+    assert energy is not None
+    assert energy.values["minimal, 1e-13"] == pytest.approx(energy.values["redundant, 1e-13"], rel=1e-13)
+
+
+def test_rebounds_are_certified_without_the_formulation_that_has_none() -> None:
+    certificate = certify(
+        hanging_bob(angle_stop(1.0, 0.5)), duration=2.0, stop_law=StopLaw.UNILATERAL, ladder=(1e-10, 1e-12)
+    )
+    assert not any(c.name.startswith("redundant") for c in certificate.computations)
+    assert any(sentence.startswith("redundant") for sentence in certificate.absent)
 
 
 def test_uncertainty_comes_from_the_certificate_where_there_is_one(committed: Certificate) -> None:

@@ -7,7 +7,7 @@ import pytest
 import trebucheck as tb
 from mechanisms import G, four_bar, parallel_cranks, pin
 from trebucheck.models.errors import SimulationError, UnsupportedProblemError
-from trebucheck.models.joints import SlotJoint
+from trebucheck.models.joints import SlotJoint, WeldJoint
 from trebucheck.models.machines.trebuchet import HANGER_REST, fixed
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem
@@ -114,3 +114,23 @@ def test_a_slot_through_a_fixed_point_adds_nothing() -> None:
     motion = solve(Problem(held, 1.0)).motion(TIMES[:20])
     free = solve(Problem(linkage, 1.0)).motion(TIMES[:20])
     assert np.abs(motion.q - free.q).max() < 1e-10
+
+
+def test_a_weld_that_repeats_a_pin_is_followed_from_a_start_with_speeds() -> None:
+    """Its three constraints hold one angle: no position beside the start has more independent ones."""
+    arm = {"mass": 1.0, "centre": (0.5, 0.1), "inertia": 0.1}
+    mechanism = Mechanism(
+        name="held twice",
+        bodies=(Body(name="free", angle="a", **arm), Body(name="held", angle="b", **arm)),
+        joints=(
+            pin("foot", "ground", "free"),
+            pin("hook", "ground", "held", (0.7, 0.4), (0.3, -0.2)),
+            WeldJoint(name="weld", parent="ground", child="held", parent_point=(0.9, 0.9), child_point=(0.5, 0.3)),
+        ),
+        gravity=G,
+        start=(0.3, 0.0),
+        start_speeds=(1.0, 0.0),
+    )
+    problem = Problem(mechanism, 1.0)
+    solution, other = solve(problem), solve_redundant(problem)
+    assert np.abs(solution.motion(np.array([1.0])).q[0] - other.state(1.0)[0]).max() < 1e-10
