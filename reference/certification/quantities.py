@@ -15,6 +15,8 @@ from ...models.launch import Launch
 from ...models.mechanism import Mechanism
 
 PROJECTILE, COUNTERWEIGHT = "projectile", "counterweight"
+BEYOND_LAUNCH = 0.1  # [s] the step of machines that swing for some seconds, such as the paper's
+
 PointState = tuple[FloatArray, FloatArray, FloatArray]
 """Position [m], velocity [m/s], acceleration [m/s^2] of a point, each (2,)."""
 
@@ -67,11 +69,11 @@ class Plan:
     releases: tuple[str, ...]
     halfway: Mapping[str, float]
     """A fixed instant about half way to each release [s]."""
-    step: float
-    """Of the grid of instants, a power of ten [s]; the best release and the largest energy ratio are searched up to one
-    step about the launch."""
     grid: tuple[float, ...]
     launches: bool
+    step: float = BEYOND_LAUNCH
+    """Of the grid of instants, a power of ten [s]; the best release and the largest energy ratio are searched up to one
+    step about the launch."""
 
 
 def grid_step(scale: float) -> float:
@@ -92,7 +94,7 @@ def plan(mechanism: Mechanism, motion: Motion, end: float, step: float) -> Plan:
     least = 10.0 ** -(decimals + 2)
     halfway = {name: max(round(time / 2, decimals + 2), least) for name, time in times.items() if time > 4 * least}
     grid = tuple(round(i * step, decimals) for i in range(1, int(end / step) + 1))
-    return Plan(mechanism, tuple(times), halfway, step, grid, motion.launch is not None)
+    return Plan(mechanism, tuple(times), halfway, grid, motion.launch is not None, step)
 
 
 def read_quantities(motion: Motion, plan: Plan) -> dict[Key, float]:
