@@ -69,7 +69,7 @@ def _horizon(machine: Machine) -> str:
         return text
     rows = zip(found.times, found.parameters, found.start, strict=True)
     grown = ", ".join(f"{_factor(p)} ({_factor(s)}) by {t:.4g} s" for t, p, s in rows)
-    return f"{text} Relative errors of inertias (of the start) are stretched {grown}."
+    return f"{text} Relative errors of parameters (of the start) are stretched {grown}."
 
 
 def _factor(stretched: float | None) -> str:

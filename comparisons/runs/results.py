@@ -221,7 +221,7 @@ class Predictability(Spec):
     """How far errors are stretched by some times: each in parts of scales, per part of what is wrong by it."""
 
     times: tuple[Real, ...] = Field(description="[s]")
-    parameters: tuple[Real | None, ...] = Field(description="by the bodies' inertias; null: without limit")
+    parameters: tuple[Real | None, ...] = Field(description="by inertias and force elements; null: without limit")
     start: tuple[Real | None, ...] = Field(description="by coordinates and speeds at the start; null: without limit")
 
 
