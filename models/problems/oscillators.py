@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 
 import numpy as np
 from pydantic import Field
-from scipy.linalg import expm
 
 from ..arrays import FloatArray
 from ..force_elements import ConstantTorque, RotationalSpringDamper, SpringDamper
@@ -16,7 +16,7 @@ from ..spec import NonNegative, Positive, Real, Spec
 from .benchmark import Benchmark, Figure
 from .readings import Quantity, at, coordinate, largest_error, period, speed
 
-_LINEAR = "linear equation of motion, solved by the matrix exponential"
+_LINEAR = "linear equation of motion: Lord Rayleigh, The Theory of Sound (1877), Ch. III"
 _SPAN = 10.0  # periods, or time constants, of a linear motion
 
 
@@ -89,7 +89,13 @@ def _linear(inertia: float, stiffness: float, damping: float) -> FloatArray:
 
 def _decay(rates: FloatArray, start: float, t: FloatArray) -> FloatArray:
     """Deflection at times t [s] of a linear system let go at `start`, shape (n,)."""
-    return np.asarray(expm(rates * t[:, None, None])[:, 0, 0] * start, dtype=np.float64)
+    decay = -rates[1, 1] / 2
+    root = cmath.sqrt(decay**2 + rates[1, 0])  # imaginary below critical damping, at which it is zero
+    up, down = np.exp((root - decay) * t), np.exp((-root - decay) * t)
+    small = np.where(abs(root * t) < 1, root * t, 0.0)
+    near_zero = np.exp(-decay * t) * t * np.sinc(1j * small / np.pi)
+    ratio = np.where(abs(root * t) < 1, near_zero, (up - down) / (2 * root or 1.0))  # e^(-decay t) sinh(root t) / root
+    return np.asarray(((up + down) / 2 + decay * ratio).real * start, dtype=np.float64)
 
 
 def _linear_duration(p: OscillatorParameters | TorsionParameters) -> float:

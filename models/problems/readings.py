@@ -12,7 +12,7 @@ from ..errors import SimulationError
 from ..trajectory import Trajectory
 from .benchmark import Motion
 
-_GRID = 2000  # samples among which sign changes are looked for
+_GRID = 500  # samples among which sign changes are looked for
 _SAMPLES = 400  # at which a motion is compared with a closed form
 
 Quantity = Callable[[Trajectory], FloatArray]
