@@ -47,16 +47,17 @@ def scalar_pool(structure: Structure, tolerance: float, real: RealType) -> _Pool
         falls = hy.event_direction.negative
         events = [hy.t_event(function, direction=falls, fp_type=real) for function in system.events]
         state = np.zeros(structure.n_states, dtype=real)
-        pars = np.ones(structure.n_parameters, dtype=real)
-        return hy.taylor_adaptive(
+        # Parameters are left out: heyoka has as many as it uses, which are less where the last numbers move nothing.
+        integrator = hy.taylor_adaptive(
             system.rates,
             state,
-            pars=pars,
             t_events=events,
             tol=real(tolerance),
             fp_type=real,
             compact_mode=_is_compact(system),
         )
+        integrator.pars[:] = 1.0
+        return integrator
 
     return _Pool(make)
 

