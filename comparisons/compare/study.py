@@ -137,14 +137,18 @@ def compare_study(study: Study, progress: Callable[[Case, int, int], None] | Non
     with study.worker() as worker:
         machines = {m.name: _machine_runs(study, m, worker) for m in study.mechanisms}
 
+        def own(case: Case) -> Engine:
+            made, runs = engines[case.engine, case.preset], machines[case.model]
+            return study.engine_for(runs.machine, made) if isinstance(runs, _MachineRuns) else made
+
         def simulated(case: Case) -> _RunRecord | _Simulated:
-            return machines[case.model].simulated(case, engines[case.engine, case.preset])
+            return machines[case.model].simulated(case, own(case))
 
         with closing(in_order(simulated, cases, study.jobs)) as results:
             for done, case in enumerate(cases):
                 if progress is not None:
                     progress(case, done, len(cases))
-                machines[case.model].add(case, engines[case.engine, case.preset], next(results))
+                machines[case.model].add(case, own(case), next(results))
         moved = {name: runs for name, runs in machines.items() if isinstance(runs, _MachineRuns)}
         pairs = [pair for runs in moved.values() for pair in runs.pairs()]
     return Comparison(
@@ -213,10 +217,8 @@ class _FailedMachine:
     def add(self, case: Case, engine: Engine, _: object) -> None:
         """Note the failure as a row."""
         outcome, message = failure(self.error)
-        version = engine_class(case.engine).version()
-        run = Run(model=case.model, engine=case.engine, preset=case.preset, engine_version=version,
-                  settings=engine.settings, outcome=outcome, message=message)  # fmt: skip
-        self.runs.append(run)
+        run = _row(case, engine, outcome)
+        self.runs.append(run.model_copy(update={"message": message}))
 
 
 class _MachineRuns:
@@ -279,16 +281,8 @@ class _MachineRuns:
         return record if record is not None and record.trajectory == digest(path) else None
 
     def _measured(self, case: Case, engine: Engine, simulated: _Simulated) -> Run:
-        run = Run(
-            model=case.model,
-            engine=case.engine,
-            preset=case.preset,
-            outcome=Outcome.NOT_JUDGED,
-            engine_version=engine_class(case.engine).version(),
-            settings=engine.settings,
-            equality=simulated.equality,
-            diagnosis=simulated.diagnosis,
-        )
+        checked = {"equality": simulated.equality, "diagnosis": simulated.diagnosis}
+        run = _row(case, engine, Outcome.NOT_JUDGED).model_copy(update=checked)
         if simulated.equality is not None and not simulated.equality.holds:
             return run.model_copy(update={"outcome": Outcome.NOT_EQUIVALENT, "message": _unequal(simulated.equality)})
         try:
@@ -389,6 +383,12 @@ def machine_row(runner: Runner, needs: Needs) -> Machine:
         release_times=dict(solution.release_times),
         start_torques={name: float(torque[0]) for name, torque in solution.motion(np.zeros(1)).stop_torques.items()},
     )
+
+
+def _row(case: Case, engine: Engine, outcome: Outcome) -> Run:
+    version = engine_class(case.engine).version()
+    return Run(model=case.model, engine=case.engine, preset=case.preset, engine_version=version,
+               settings=engine.settings, outcome=outcome)  # fmt: skip
 
 
 def _unequal(equality: Equality) -> str:

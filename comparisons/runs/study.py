@@ -14,7 +14,9 @@ from ...models.errors import InputError
 from ...models.machines.registry import library_problem, model
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
+from ...models.problems.registry import find_benchmark
 from ...models.spec import Spec
+from .results import Machine
 from .runner import Worker
 from .store import Store
 from .tolerances import Needs
@@ -158,6 +160,21 @@ class Study:
             InputError: the preset or an option is not valid.
         """
         return engine(name, preset, **self.options)
+
+    def engine_for(self, machine: Machine, made: Engine) -> Engine:
+        """An engine for a machine; in a problem of the library a preset's step is for a characteristic time of 1 s.
+
+        The library's problems last from hundredths of a second to minutes: one step for all would say little of any.
+
+        Args:
+            machine: with its scales.
+            made: as :meth:`engine` makes it.
+        """
+        in_library = machine.model in self._problems and find_benchmark(machine.model) is not None
+        if made.timestep is None or "timestep" in self.options or not in_library:
+            return made
+        step = float(f"{made.timestep * machine.scales.time:.2g}")
+        return engine(made.name, made.preset, **{**self.options, "timestep": step})
 
     def worker(self) -> Worker:
         """The processes in which engines run; this one, unless they are isolated."""
