@@ -8,6 +8,7 @@ import numpy as np
 
 from ...models.kinematics import Kinematics
 from ...models.problem import Problem
+from ..equations import Equations
 from .machine import numbers_of, structure_of
 from .system import TaylorSystem
 
@@ -20,7 +21,10 @@ def why_not_taylor(problem: Problem) -> str | None:
     """Why "auto" integrates a problem with DOP853, half a sentence; None where it takes Taylor series."""
     if importlib.util.find_spec("heyoka") is None:
         return "heyoka is not installed"
-    kinematics = Kinematics(problem.mechanism)
+    mechanism, closed = problem.mechanism, [stop.name for stop in problem.mechanism.stops if stop.closed]
+    if Equations(mechanism).basis(np.array(mechanism.start), closed) is not None:
+        return "its constraints depend on each other"
+    kinematics = Kinematics(mechanism)
     structure = structure_of(problem, kinematics, numbers_of(problem, kinematics, np.float64) != 0)
     products = TaylorSystem(structure).operations
     if products > MOST_PRODUCTS:

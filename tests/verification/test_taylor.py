@@ -16,7 +16,7 @@ import pytest
 import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given
-from mechanisms import angle_stop, body_of, everything, hanging_bob, pin, slider_crank
+from mechanisms import angle_stop, body_of, everything, hanging_bob, parallel_cranks, pin, slider_crank
 from random_mechanisms import random_mechanism
 from scipy.special import ellipk
 from trebucheck.engines.reference.engine import ReferenceEngine
@@ -284,6 +284,8 @@ def test_auto_says_why_it_does_not_take_taylor_series() -> None:
     )
     assert why_not_taylor(tb.Problem(tb.fixed(), duration=1.0)) is None
     assert "products" in (why_not_taylor(tb.Problem(chain, duration=1.0)) or "")
+    repeated = why_not_taylor(tb.Problem(parallel_cranks(3), duration=1.0))
+    assert repeated == "its constraints depend on each other"
     solution = ReferenceEngine(integrator="auto").solve(tb.Problem(chain, duration=0.01))
     assert "products" in str(solution.settings["integrator"])
 
