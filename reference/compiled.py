@@ -58,7 +58,9 @@ class CompiledEquations:
         Raises:
             SimulationError: there are no unique ones.
         """
-        solution, regular = kernel().solve(np.atleast_2d(q), np.atleast_2d(u), self.arrays)
+        # One layout of the arrays: Numba compiles anew, and rounds in another way, for each.
+        positions, speeds = (np.ascontiguousarray(np.atleast_2d(values)) for values in (q, u))
+        solution, regular = kernel().solve(positions, speeds, self.arrays)
         if not regular:
             raise not_unique(self.name)
         solution = solution.reshape(*q.shape[:-1], -1)

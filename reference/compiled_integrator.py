@@ -72,7 +72,8 @@ class Interpolant(DenseOutput):
 
     def __init__(self, start: float, end: float, y: FloatArray, coefficients: FloatArray) -> None:
         super().__init__(start, end)
-        self._size, self._y, self._coefficients = end - start, y, coefficients
+        self._size, self._coefficients = end - start, coefficients
+        self._y = np.ascontiguousarray(y)  # one layout, as in the compiled equations: pickling makes it so
 
     def _call_impl(self, t: FloatArray) -> FloatArray:
         parts = (np.atleast_1d(t) - self.t_old) / self._size
