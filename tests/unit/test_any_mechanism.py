@@ -74,7 +74,8 @@ def test_two_engines_are_compared(tmp_path: Path) -> None:
     assert main([*words, "--until", "1", "--out", str(tmp_path / "out")]) in (0, 1)
     results = Results.from_json((tmp_path / "out" / "results.json").read_bytes())
     echo, second = (run.metric("position_max", "tip") for run in results.runs)
-    assert echo is not None and echo.value == 0.0 and second is not None and second.value
+    # The echo is solved to another end, and so its last step before that is another one: 3e-14 a step.
+    assert echo is not None and echo.value <= 1e-12 and second is not None and second.value
     assert [pair.position_max for pair in results.pairs] == [pytest.approx(second.value)]
 
 
