@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import pytest
@@ -33,6 +33,8 @@ from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
 pytest.importorskip("mujoco")
+
+Impacts = list[tuple[float, dict[str, float]]]
 
 STEPS = (8e-3, 4e-3, 2e-3)
 LEAST_RATIO = 3.0  # of the errors at a step and at half of it: 4, but for where in a step the events are
@@ -147,14 +149,29 @@ def test_of_second_order_through_impacts(name: str) -> None:
 @cases
 def test_impacts_in_number_time_and_impulse(name: str) -> None:
     found, exact = run(name, STEPS[-1]), reference(name)
-    assert len(found.impacts) == len(exact.impacts) > 0
-    for (mine, push), (time, impulses) in zip(found.impacts, exact.impacts, strict=True):
+    assert exact.impacts
+    for (mine, push), (time, impulses) in zip(*noticeable(exact, found.impacts, exact.impacts), strict=True):
         assert mine == pytest.approx(time, abs=1e-6)
-        assert set(push) == set(impulses)
-        # Where two touch at one instant only what they do together is determined. The error of a speed is that of the
+        # Where two touch at one instant only what they do together is determined, and not which of them does it. The error of a speed is that of the
         # motion, which counts for more the slower the impact.
         largest = np.abs(together(exact, exact.impacts[0])).max()
         assert together(exact, (time, push)) == pytest.approx(together(exact, (time, impulses)), abs=1e-6 * largest)
+
+
+def noticeable(exact: Solution, *lists: Iterable[tuple[float, Mapping[str, float]]]) -> list[Impacts]:
+    """The impacts, and the stops in them, with at least 1e-5 of the largest impulse.
+
+    The last rebounds are no question of accuracy: the reference follows them down to a part of the mechanism's speeds,
+    an engine to a speed in SI.
+    """
+    least = 1e-5 * max(float(np.abs(together(exact, impact)).max()) for impact in exact.impacts)
+
+    def parts(impact: tuple[float, Mapping[str, float]]) -> dict[str, float]:
+        time, impulses = impact
+        return {n: p for n, p in impulses.items() if np.abs(together(exact, (time, {n: p}))).max() >= least}
+
+    kept = [[(impact[0], parts(impact)) for impact in impacts] for impacts in lists]
+    return [[(time, impulses) for time, impulses in impacts if impulses] for impacts in kept]
 
 
 def together(exact: Solution, impact: tuple[float, Mapping[str, float]]) -> FloatArray:
@@ -281,6 +298,7 @@ def test_random_machines(seed: int) -> None:
     problem = Problem(Mechanism(**{**dict(base), "stops": (*stops, under)}), 1.5, stop_law=StopLaw.UNILATERAL)
     exact, found = solve(problem), MujocoEngine().simulate(problem)
     assert len(exact.impacts) > 0
-    assert [set(push) for _, push in found.impacts] == [set(push) for _, push in exact.impacts]
-    assert np.array([t for t, _ in found.impacts]) == pytest.approx(np.array([t for t, _ in exact.impacts]), abs=1e-6)
+    mine, theirs = noticeable(exact, found.impacts, exact.impacts)
+    assert [set(push) for _, push in mine] == [set(push) for _, push in theirs]
+    assert np.array([t for t, _ in mine]) == pytest.approx(np.array([t for t, _ in theirs]), abs=1e-6)
     assert misplaced(found, exact) < 1e-6
