@@ -152,8 +152,8 @@ def test_impacts_in_number_time_and_impulse(name: str) -> None:
     assert exact.impacts
     for (mine, push), (time, impulses) in zip(*noticeable(exact, found.impacts, exact.impacts), strict=True):
         assert mine == pytest.approx(time, abs=1e-6)
-        # Where two touch at one instant only what they do together is determined, and not which of them does it. The error of a speed is that of the
-        # motion, which counts for more the slower the impact.
+        # Where two touch at one instant only what they do together is determined, and not which of them does it. The
+        # error of a speed is that of the motion, which counts for more the slower the impact.
         largest = np.abs(together(exact, exact.impacts[0])).max()
         assert together(exact, (time, push)) == pytest.approx(together(exact, (time, impulses)), abs=1e-6 * largest)
 
@@ -166,12 +166,13 @@ def noticeable(exact: Solution, *lists: Iterable[tuple[float, Mapping[str, float
     """
     least = 1e-5 * max(float(np.abs(together(exact, impact)).max()) for impact in exact.impacts)
 
-    def parts(impact: tuple[float, Mapping[str, float]]) -> dict[str, float]:
-        time, impulses = impact
-        return {n: p for n, p in impulses.items() if np.abs(together(exact, (time, {n: p}))).max() >= least}
+    def size(time: float, impulses: Mapping[str, float]) -> float:
+        return float(np.abs(together(exact, (time, impulses))).max())
 
-    kept = [[(impact[0], parts(impact)) for impact in impacts] for impacts in lists]
-    return [[(time, impulses) for time, impulses in impacts if impulses] for impacts in kept]
+    def parts(time: float, impulses: Mapping[str, float]) -> dict[str, float]:
+        return {name: push for name, push in impulses.items() if size(time, {name: push}) >= least}
+
+    return [[(t, parts(t, pushes)) for t, pushes in impacts if size(t, pushes) >= least] for impacts in lists]
 
 
 def together(exact: Solution, impact: tuple[float, Mapping[str, float]]) -> FloatArray:
