@@ -34,8 +34,6 @@ from trebucheck.reference.solver import solve
 
 pytest.importorskip("mujoco")
 
-Impacts = list[tuple[float, dict[str, float]]]
-
 STEPS = (8e-3, 4e-3, 2e-3)
 LEAST_RATIO = 3.0  # of the errors at a step and at half of it: 4, but for where in a step the events are
 RESOLVED = 1e-9  # [rad, m] free flights are of fourth order: below this there is nothing to see of the order
@@ -150,7 +148,8 @@ def test_of_second_order_through_impacts(name: str) -> None:
 def test_impacts_in_number_time_and_impulse(name: str) -> None:
     found, exact = run(name, STEPS[-1]), reference(name)
     assert exact.impacts
-    for (mine, push), (time, impulses) in zip(*noticeable(exact, found.impacts, exact.impacts), strict=True):
+    both = noticeable(exact, found.impacts), noticeable(exact, exact.impacts)
+    for (mine, push), (time, impulses) in zip(*both, strict=True):
         assert mine == pytest.approx(time, abs=1e-6)
         # Where two touch at one instant only what they do together is determined, and not which of them does it. The
         # error of a speed is that of the motion, which counts for more the slower the impact.
@@ -158,21 +157,28 @@ def test_impacts_in_number_time_and_impulse(name: str) -> None:
         assert together(exact, (time, push)) == pytest.approx(together(exact, (time, impulses)), abs=1e-6 * largest)
 
 
-def noticeable(exact: Solution, *lists: Iterable[tuple[float, Mapping[str, float]]]) -> list[Impacts]:
-    """The impacts, and the stops in them, with at least 1e-5 of the largest impulse.
+Impacts = Iterable[tuple[float, Mapping[str, float]]]
+
+
+def noticeable(exact: Solution, impacts: Impacts) -> list[tuple[float, Mapping[str, float]]]:
+    """The impacts with at least 1e-5 of the largest impulse.
 
     The last rebounds are no question of accuracy: the reference follows them down to a part of the mechanism's speeds,
     an engine to a speed in SI.
     """
-    least = 1e-5 * max(float(np.abs(together(exact, impact)).max()) for impact in exact.impacts)
+    least = 1e-5 * max(size(exact, impact) for impact in exact.impacts)
+    return [impact for impact in impacts if size(exact, impact) >= least]
 
-    def size(time: float, impulses: Mapping[str, float]) -> float:
-        return float(np.abs(together(exact, (time, impulses))).max())
 
-    def parts(time: float, impulses: Mapping[str, float]) -> dict[str, float]:
-        return {name: push for name, push in impulses.items() if size(time, {name: push}) >= least}
+def taking_part(exact: Solution, impacts: Impacts) -> list[set[str]]:
+    """The stops that have at least 1e-5 of the largest impulse, by impact."""
+    least = 1e-5 * max(size(exact, impact) for impact in exact.impacts)
+    return [{name for name, push in pushes.items() if size(exact, (t, {name: push})) >= least} for t, pushes in impacts]
 
-    return [[(t, parts(t, pushes)) for t, pushes in impacts if size(t, pushes) >= least] for impacts in lists]
+
+def size(exact: Solution, impact: tuple[float, Mapping[str, float]]) -> float:
+    """Largest component of the generalized impulse of an impact."""
+    return float(np.abs(together(exact, impact)).max())
 
 
 def together(exact: Solution, impact: tuple[float, Mapping[str, float]]) -> FloatArray:
@@ -299,7 +305,7 @@ def test_random_machines(seed: int) -> None:
     problem = Problem(Mechanism(**{**dict(base), "stops": (*stops, under)}), 1.5, stop_law=StopLaw.UNILATERAL)
     exact, found = solve(problem), MujocoEngine().simulate(problem)
     assert len(exact.impacts) > 0
-    mine, theirs = noticeable(exact, found.impacts, exact.impacts)
-    assert [set(push) for _, push in mine] == [set(push) for _, push in theirs]
+    mine, theirs = noticeable(exact, found.impacts), noticeable(exact, exact.impacts)
+    assert taking_part(exact, mine) == taking_part(exact, theirs)
     assert np.array([t for t, _ in mine]) == pytest.approx(np.array([t for t, _ in theirs]), abs=1e-6)
     assert misplaced(found, exact) < 1e-6
