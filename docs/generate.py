@@ -26,6 +26,7 @@ from trebucheck.comparisons.report.plots import LOGARITHMIC
 from trebucheck.comparisons.runs.results import Results
 from trebucheck.comparisons.runs.runner import Worker, simulate
 from trebucheck.comparisons.runs.scales import scales_until
+from trebucheck.comparisons.runs.stretching import stretching_until
 from trebucheck.models.machines.registry import models
 from trebucheck.models.mechanism import mechanism_schema
 from trebucheck.models.problems.benchmark import Benchmark
@@ -103,7 +104,8 @@ def engines_on(entry: Benchmark) -> tuple[str, ...]:
     problem = entry.problem()
     solution = solve(problem)
     scales = scales_until(solution, problem.duration)
-    with Worker(timeout=120.0) as worker:
+    horizon = stretching_until(solution, problem.duration, scales).horizon
+    with Worker(timeout=600.0) as worker:
         for name, share in _STEPS.items():
             try:
                 engine = tb.engine(name, "tuned", timestep=share * scales.time)
@@ -111,7 +113,7 @@ def engines_on(entry: Benchmark) -> tuple[str, ...]:
             except tb.TrebucheckError as error:
                 cells.append(str(error))
                 continue
-            inside = moved.t <= problem.duration
+            inside = moved.t <= horizon
             exact = solution.trajectory(moved.t[inside])
             errors = (abs(moved.marker(m).position[inside] - exact.marker(m).position).max() for m in moved.markers)
             cells.append(f"{max(errors) / scales.length:.1e}")
@@ -129,8 +131,9 @@ reference against the figures for these parameters. Expected values are publishe
 quadrature; the tolerance is what the reference is held to by the tests.
 
 Engines, tuned, at a thousandth of the problem's characteristic time (Exudyn at a ten-thousandth): the largest error of
-a marker's coordinate up to the problem's end, in parts of the mechanism's size; or why there is none. `trebucheck
-compare` judges them, names the quantities that are off, and looks for causes.
+a marker's coordinate up to the problem's end, or its predictability horizon if that is earlier, in parts of the
+mechanism's size; or why there is none. `trebucheck compare` judges them, names the quantities that are off, and looks
+for causes.
 """
 
 
