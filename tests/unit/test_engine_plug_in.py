@@ -89,10 +89,12 @@ def test_its_causes_parameters_option_sets_snippets_and_colour_are_its_own() -> 
     assert engine_colour(COPY) == COLOUR
 
 
-def test_the_documented_example_of_a_study_is_one() -> None:
+def test_the_documented_examples_are_what_they_say() -> None:
     text = (ROOM.parents[1] / "docs" / "extending.md").read_text()
     scope: dict[str, Any] = {}
-    exec(re.findall(r"```python\n(.*?)```", text, re.DOTALL)[0], scope)
-    assert isinstance(scope["STUDY"], EngineStudy)
+    mechanism, study = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    exec(study, scope)
+    exec(mechanism.partition("tb.compare(")[0], scope)
+    assert isinstance(scope["STUDY"], EngineStudy) and len(scope["quick_return"].loop_joints) == 1
     for field in fields(EngineStudy):
         assert f"`{field.name}" in text, f"docs/extending.md does not say what {field.name} is"
