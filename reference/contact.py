@@ -5,9 +5,21 @@ matrix (symmetric, positive semidefinite), and b = G (what the gaps do without t
 
     0 <= x  complementary to  A x + b >= 0
 
-has x as torques when b are gap accelerations, and as impulses when b are gap speeds (Moreau; Lötstedt 1982).
-It is the optimality condition of min 1/2 x^T A x + b^T x over x >= 0, a non-negative least-squares problem, so
-all stops are decided at once and no order of stops is ever chosen.
+has x as torques when b are gap accelerations, and as impulses when b_i = (1 + e_i) times gap speed i: Newton's law
+of restitution with complementarity (Moreau, *Unilateral contact and dry friction in finite freedom dynamics*, 1988;
+Glocker and Pfeiffer, *Multiple impacts with friction in rigid multibody systems*, Nonlinear Dynamics 7, 1995). So a
+gap whose stop pushes leaves with -e times its speed before, one whose stop does not push leaves at least so fast.
+
+It is the optimality condition of the smallest change of motion that the stops allow: min |y|^2 over R^T y + b >= 0,
+with A = R^T R and y = R x. That is a least-distance problem, solved as a non-negative least-squares problem (Lawson and
+Hanson, *Solving Least Squares Problems*, ch. 23), so all stops are decided at once and no order is ever chosen.
+
+- **Unique** is the motion after it: y is. Impulses (torques) of stops that are redundant are not; those returned belong
+  to independent stops, the others being zero.
+- **Redundant stops with different e** do not agree on the speed: the one that asks for more pushes, the other parts.
+- **No solution** exists where stops stand against each other, as two that hold one body from both sides, and no speed
+  gives each of them its rebound. Then none of them rebounds (e = 0 for all stops of that impact, which always has a
+  solution): the limit of a gap that shrinks to nothing between two stops with e < 1.
 
 Between events an integrator moves the machine under a fixed set of closed stops, and locates the events itself. What
 follows from an event is decided here, once for all integrators (:class:`ActiveSet`).
@@ -29,10 +41,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from ..models.arrays import FloatArray
-from ..models.errors import InputError
+from ..models.errors import InputError, SimulationError
 from ..models.kinematics import initial_state
 from ..models.problem import Problem, StopLaw
 from .bouncing import Bouncing
@@ -41,16 +54,50 @@ from .equations import Equations
 TOGETHER = 1e-9  # [s]
 _TOUCHING = 1e-11  # [rad] an open stop with a gap below this takes part in an impact
 _AT_REST = 1e-9  # [rad/s] gap speeds below this are rounding of an impact's solution
+_IMMOBILE = 1e-14  # of the largest inverse inertia: that of a gap which cannot move
+_SAME_DEMAND = (1e-12, 1e-9)  # of the largest gap speed (acceleration): two that differ by less do not contradict
+_CONTRADICTION = 1e-7  # inverse of the largest y, in units of the offset, that is an answer
 _FITS = 1e-9  # [m], [m/s] how well loops of joints must close at the start
 
 
-def solve_lcp(matrix: FloatArray, offset: FloatArray) -> FloatArray:
-    """X >= 0 with matrix x + offset >= 0 and x . (matrix x + offset) = 0; shapes (m, m), (m,) -> (m,)."""
+def solve_lcp(matrix: FloatArray, offset: FloatArray) -> FloatArray | None:
+    """X >= 0 with matrix x + offset >= 0 and x . (matrix x + offset) = 0; None if there is none.
+
+    Args:
+        matrix: symmetric, positive semidefinite, shape (m, m).
+        offset: of any direction, also outside of the range of the matrix, shape (m,).
+    """
+    x, diagonal = np.zeros_like(offset), np.diag(matrix)
+    mobile = np.flatnonzero(diagonal > _IMMOBILE * diagonal.max())
+    scale = 1.0 / np.sqrt(diagonal[mobile])
+    b = scale * offset[mobile]
+    size = float(np.abs(b).max(initial=0.0))
+    if size == 0.0:
+        return x
+    root = _root(scale[:, None] * matrix[np.ix_(mobile, mobile)] * scale)
+    sets = (_least_distance(root, b / size + rounding) for rounding in _SAME_DEMAND)
+    active = next((found for found in sets if found is not None), None)
+    if active is None:
+        return None
+    y = np.linalg.lstsq(root[:, active].T, -b[active])[0]
+    x[mobile[active]] = scale[active] * np.linalg.lstsq(root[:, active], y)[0]
+    return np.maximum(x, 0.0)
+
+
+def _least_distance(root: FloatArray, b: FloatArray) -> NDArray[np.bool_] | None:
+    """Which constraints of root^T y + b >= 0 are active at its y of least norm, shape (m,); None if no y fulfils them.
+
+    They are independent of each other.
+    """
+    pushes, residual = nnls(np.vstack([root, -b]), np.append(np.zeros(len(root)), 1.0))
+    return pushes > 0 if residual > _CONTRADICTION else None
+
+
+def _root(matrix: FloatArray) -> FloatArray:
+    """R with matrix = R^T R, of full row rank, shape (rank, m)."""
     values, vectors = np.linalg.eigh(matrix)
     kept = values > values[-1] * len(values) * np.finfo(np.float64).eps * 16
-    root = (np.sqrt(values[kept]) * vectors[:, kept]).T  # matrix = root^T root
-    target = -(vectors[:, kept].T @ offset) / np.sqrt(values[kept])
-    return nnls(root, target)[0]
+    return (np.sqrt(values[kept]) * vectors[:, kept]).T
 
 
 def active_contacts(equations: Equations, q: FloatArray, u: FloatArray, touching: Sequence[str]) -> tuple[str, ...]:
@@ -61,6 +108,9 @@ def active_contacts(equations: Equations, q: FloatArray, u: FloatArray, touching
     Args:
         q, u: one state, shape (n_q,).
         touching: stops whose gap and gap speed are zero.
+
+    Raises:
+        SimulationError: stops against each other, whose gaps cannot all stay open.
     """
     if not touching:
         return ()
@@ -69,6 +119,8 @@ def active_contacts(equations: Equations, q: FloatArray, u: FloatArray, touching
         return tuple(touching)
     matrix, free = _delassus(equations, q, u, touching)
     torques = solve_lcp(matrix, free)
+    if torques is None:
+        raise SimulationError(f"no forces of the stops {', '.join(touching)} keep all of their gaps open: they jam.")
     return tuple(name for name, torque in zip(touching, torques, strict=True) if torque > 0)
 
 
@@ -77,8 +129,9 @@ def resolve_impact(
 ) -> tuple[FloatArray, dict[str, float]]:
     """Speeds after an impact of the touching stops, and their impulses, all decided at once.
 
-    Newton's law in the metric of the mass matrix (Moreau): u+ = u- + M^{-1} G^T P with P >= 0 complementary to
-    G u+ + e G u- >= 0.
+    Newton's law with complementarity (Moreau; Glocker and Pfeiffer): u+ = u- + M^{-1} G^T P with P >= 0 complementary
+    to G u+ + e G u- >= 0. The speeds are unique, impulses of redundant stops are not. Where no speeds give each stop
+    its rebound, because stops stand against each other, none rebounds.
 
     Args:
         q, u: state before, shape (n_q,).
@@ -87,10 +140,17 @@ def resolve_impact(
 
     Returns:
         u+, shape (n_q,), and the impulse of each stop [N m s].
+
+    Raises:
+        SimulationError: no speeds keep all gaps open.
     """
     rows = gap_jacobian(equations, q, touching)
     matrix, _ = _delassus(equations, q, u, touching)
     impulses = solve_lcp(matrix, (1.0 + restitution) * (rows @ u))
+    if impulses is None:
+        impulses = solve_lcp(matrix, rows @ u)
+    if impulses is None:
+        raise SimulationError(f"the impact of the stops {', '.join(touching)} has no solution: they jam.")
     after = u + equations.response(q, rows.T @ impulses)
     return after, dict(zip(touching, impulses.tolist(), strict=True))
 

@@ -16,11 +16,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.linalg import LinAlgError, cholesky, solve_triangular
-from scipy.optimize import nnls
 
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
+from .. import impact_law
 from ..contact_events import Contacts
 from .build import System, exu
 from .solver import DEPENDENT, State
@@ -180,8 +179,8 @@ def solve_constrained(
 def resolve_impact(system: System, state: State, restitution: Mapping[str, float]) -> tuple[State, dict[str, float]]:
     """The state after the impact of all contacts that touch, and the impulse of each [N m s, N s].
 
-    Newton's law with complementarity (Moreau): z'+ = z'- + sum_i p_i r_i, with r_i what a unit impulse on gap i does
-    to the bodies in their joints, and p >= 0 complementary to v+ + e v- >= 0, v the speeds of the gaps.
+    Newton's law with complementarity (:mod:`..impact_law`): z'+ = z'- + sum_i p_i r_i, with r_i what a unit impulse on
+    gap i does to the bodies in their joints.
 
     Args:
         system: what moves.
@@ -189,7 +188,7 @@ def resolve_impact(system: System, state: State, restitution: Mapping[str, float
         restitution: e of each contact that touches, active ones included.
 
     Raises:
-        SimulationError: the contacts that touch are not independent of each other.
+        SimulationError: no impulses keep all gaps open.
     """
     with matrices(system) as state_matrices:
         state_matrices.set(state.coordinates, state.rates)
@@ -198,15 +197,10 @@ def resolve_impact(system: System, state: State, restitution: Mapping[str, float
         still = np.zeros(len(joints))
         responses = np.array([solve_constrained(mass, joints, row, still)[0] for row in rows])
     coefficients = np.array(list(restitution.values()))
-    impulses = _impulses(rows @ responses.T, (1.0 + coefficients) * (rows @ state.rates))
+    impulses = impact_law.impulses(rows @ responses.T, rows @ state.rates, coefficients)
+    if impulses is None:
+        raise SimulationError(
+            f"exudyn finds no impact of the stops {', '.join(restitution)} in which all of them push."
+        )
     after = replace(state, rates=state.rates + impulses @ responses)
     return after, dict(zip(restitution, impulses.tolist(), strict=True))
-
-
-def _impulses(matrix: FloatArray, speeds: FloatArray) -> FloatArray:
-    """The p >= 0 complementary to matrix p + speeds >= 0: with matrix = L L^T, the p of least |L^T p + L^-1 speeds|."""
-    try:
-        lower = cholesky(matrix, lower=True)
-    except LinAlgError:
-        raise SimulationError("exudyn's impact has no solution of its own: stops that touch are redundant.") from None
-    return nnls(lower.T, -solve_triangular(lower, speeds, lower=True))[0]

@@ -4,21 +4,20 @@ With W the inverse of the mass matrix on the motions that the loops allow, and G
 
     0 <= x  complementary to  G W G^T x + (1 + e) G v >= 0
 
-(Newton's law of restitution, Moreau), all contacts at once; v are MuJoCo's joint speeds.
+(Newton's law of restitution, Moreau), all contacts at once (:mod:`..impact_law`); v are MuJoCo's joint speeds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
-from ..contact_events import Contacts, active_contacts
+from .. import impact_law
 
-_ROUNDING = 1e-10  # of the largest impulse, or speed: error of those that are zero
 _RANK = 1e-12  # of the largest singular value: redundant constraints have smaller ones
 
 
@@ -81,33 +80,11 @@ def resolve_impact(
     """
     names, rows = tuple(gaps), np.array(list(gaps.values()))
     by_impulse = inertia.response() @ rows.T
-    matrix, offset = rows @ by_impulse, (1.0 + np.array([restitution[name] for name in names])) * (rows @ speeds)
-    impulses = _impulses(names, matrix, offset)
+    coefficients = np.array([restitution[name] for name in names])
+    impulses = impact_law.impulses(rows @ by_impulse, rows @ speeds, coefficients)
+    if impulses is None:
+        raise SimulationError(f"mujoco finds no impact of the stops {', '.join(names)} in which all of them push.")
     after = speeds + by_impulse @ impulses
     return Impact(
         after, dict(zip(names, impulses.tolist(), strict=True)), dict(zip(names, (rows @ after).tolist(), strict=True))
     )
-
-
-def _impulses(names: Contacts, matrix: FloatArray, offset: FloatArray) -> FloatArray:
-    """Impulses of the contacts, shape (n,); of redundant ones those of the least norm."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(np.float64).tiny))
-    scaled, target = scale[:, None] * matrix * scale, -scale * offset
-
-    def of(active: Collection[str]) -> FloatArray:
-        where = np.flatnonzero([name in active for name in names])
-        impulses = np.zeros(len(names))
-        impulses[where] = np.linalg.lstsq(scaled[np.ix_(where, where)], target[where], _RANK)[0]
-        return impulses
-
-    def violated(active: Contacts) -> str | None:
-        impulses = of(active)
-        closing = scaled @ impulses - target
-        rounding = _ROUNDING * np.abs(target).max()
-        wrong = np.where([name in active for name in names], impulses, closing) < -rounding
-        return names[int(np.argmax(wrong))] if wrong.any() else None
-
-    active = active_contacts(names, violated)
-    if violated(active):
-        raise SimulationError(f"mujoco finds no impact of the stops {', '.join(names)} in which all of them push.")
-    return scale * np.maximum(of(active), 0.0)

@@ -3,7 +3,7 @@
 A step without gravity to the assembly's present position yields only the impulses that bring each joint's speed to
 its target: zero for the joints, -e times its speed before for a stop (Newton's law of restitution). Which contacts
 take part is decided for all of them at once: those that do push, and the others part at no less than their
-restitution demands (Moreau).
+restitution demands (:mod:`..impact_law`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
-from ..contact_events import Contacts, active_contacts, resting
+from ..contact_events import Contacts, resting
+from ..impact_law import pushing
 from .assembly import Assembly
 from .build import build
 from .leapfrog import STEP, settled_increment
@@ -61,18 +62,26 @@ def resolve_impact(placed: Mechanism, restitution: Mapping[str, float], pivot_ma
     """
     # Not validated: stops keep the word on whether they touch.
     weightless = placed.model_copy(update={"gravity": 0.0, "force_elements": ()})
-    impacts: dict[Contacts, Impact] = {}
-
-    def violated(active: Contacts) -> str | None:
-        impacts[active] = _impact_of(weightless, active, restitution, pivot_mass)
-        return impacts[active].violated
-
-    impact = impacts[active_contacts(tuple(restitution), violated)]
-    if impact.violated:
+    impact = _complementary(weightless, restitution, pivot_mass)
+    if impact is None and any(restitution.values()):
+        impact = _complementary(weightless, dict.fromkeys(restitution, 0.0), pivot_mass)
+    if impact is None:
         raise SimulationError(
             f"pymunk finds no impact of the stops {', '.join(restitution)} in which all of them push."
         )
     return impact
+
+
+def _complementary(placed: Mechanism, restitution: Mapping[str, float], pivot_mass: float) -> Impact | None:
+    impacts: dict[Contacts, Impact] = {}
+
+    def violated(active: Contacts) -> str | None:
+        if active not in impacts:
+            impacts[active] = _impact_of(placed, active, restitution, pivot_mass)
+        return impacts[active].violated
+
+    active = pushing(tuple(restitution), violated)
+    return None if active is None else impacts[active]
 
 
 def _impact_of(placed: Mechanism, active: Contacts, restitution: Mapping[str, float], pivot_mass: float) -> Impact:
@@ -87,10 +96,11 @@ def _impact_of(placed: Mechanism, active: Contacts, restitution: Mapping[str, fl
     rounding = _ROUNDING * (1.0 + max(map(abs, came.values()), default=0.0))
     total = dict.fromkeys(restitution, 0.0) | impulses
     least = -_ROUNDING * max(total.values())
-    wrong = (
-        name for name in restitution if total[name] < least or left[name] < -restitution[name] * came[name] - rounding
-    )
-    return Impact(after, total, resting(left, rounding), next(wrong, None))
+    beyond = {name: left[name] + restitution[name] * came[name] for name in restitution}
+    wrong = [name for name in restitution if (total[name] < least if name in active else beyond[name] < -rounding)]
+    # Stops whose targets contradict each other meet one of them at most, whatever the impulses are.
+    wrong += [name for name in active if abs(beyond[name]) > rounding]
+    return Impact(after, total, resting(left, rounding), next(iter(wrong), None))
 
 
 def _set_target(joint: constraints.Constraint, restitution: float) -> None:

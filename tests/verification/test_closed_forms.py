@@ -95,6 +95,7 @@ def test_complementarity_is_solved(seed: int, size: int) -> None:
     root = random.normal(size=(size, size))
     matrix, offset = root @ root.T + 0.1 * np.eye(size), random.normal(size=size)
     x = solve_lcp(matrix, offset)
+    assert x is not None
     rest = matrix @ x + offset
     assert x.min() >= 0
     assert rest.min() > -1e-9
