@@ -64,11 +64,11 @@ def _write(name: str, assignments: list[str] | None, path: Path, timeout: float)
 
 def _list(check: bool) -> None:
     from ..comparisons.data.files import states
-    from ..comparisons.report.document import Cell, Document, table, words
+    from ..comparisons.report.document import Cell, Column, Document, ranked, table, words
 
     rows = [(name, f"{size / 1024:.0f}", digest, Cell(state, "good" if state == "good" else "bad"))
             for name, digest, size, state in states()]  # fmt: skip
-    heads = [words("name", wrap=False), "size [kB]", words("SHA-256", wrap=False), words("checksum", wrap=False)]
-    output.show(Document("Published trajectories", (table(heads, rows),)))
+    heads = [words("name", wrap=False), Column("size", "kB"), words("SHA-256", wrap=False), words("checksum")]
+    output.show(Document("Published trajectories", (table(ranked(heads, checksum=0), rows),)))
     if check and any(state != "good" for *_, state in states()):
         raise typer.Exit(1)

@@ -184,16 +184,16 @@ def _claims(study: Study, names: Sequence[str]) -> Iterator[Block]:
     )
     columns = (
         words("where", medium="terminal"),
-        words("claim"),
+        replace(words("claim"), rank=0),
         words("where", medium="page"),
         words("printed"),
         Column("verdict", align="left", medium="page"),
         Column("ours", medium="page"),
-        Column("ours", medium="terminal"),
+        Column("ours", medium="terminal", rank=2),
         Column("±", medium="page"),
         *(Column(name, medium="page") for name in names),
-        Column("engines", medium="terminal"),
-        Column("verdict", align="left", medium="terminal"),
+        Column("engines", medium="terminal", rank=3),
+        Column("verdict", align="left", medium="terminal", rank=0),
     )
     counted = facts(study.claims)
     stands_for = {claim.fact or claim.name: claim for claim in counted}

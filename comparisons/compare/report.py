@@ -77,11 +77,14 @@ class Quantity:
     """Metric that has the verdict, if that is another one."""
     short: str = ""
     """Title in a terminal; '' leaves the column out there."""
+    rank: int = 1
+    """As that of its column."""
 
     @property
     def column(self) -> Column:
         """Its column in a table of runs."""
-        return Column(self.title, self.unit, short=self.short, of=self.cell, medium="any" if self.short else "page")
+        medium = "any" if self.short else "page"
+        return Column(self.title, self.unit, short=self.short, of=self.cell, rank=self.rank, medium=medium)
 
     def metrics(self, run: Run) -> list[Metric]:
         """Those it stands for."""
@@ -111,12 +114,12 @@ def _largest(values: Iterable[float | None]) -> float | None:
 
 _POSITION = Quantity("position", "m", "position_max", short="position")
 _QUANTITIES = (
-    Quantity("release", "s", "release_time", short="release"),
+    Quantity("release", "s", "release_time", short="release", rank=2),
     Quantity("launch time", "s", "launch_time"),
-    Quantity("launch speed", "m/s", "launch_speed", short="speed"),
-    Quantity("stop torque", "N m", "stop_torque_max", short="torque"),
+    Quantity("launch speed", "m/s", "launch_speed", short="speed", rank=4),
+    Quantity("stop torque", "N m", "stop_torque_max", short="torque", rank=2),
     Quantity("joint force", "1", "joint_reaction_relative", judged="joint_reaction_max"),
-    Quantity("energy", "1", "energy_drift", judged="energy_balance", short="energy"),
+    Quantity("energy", "1", "energy_drift", judged="energy_balance", short="energy", rank=3),
 )
 
 
@@ -130,7 +133,7 @@ def differences(machine: Machine) -> tuple[Column, ...]:
     """Columns of a table of its runs: engine, step, and the quantities."""
     return (
         Column("engine", of=lambda run: run.label),
-        Column("step", "s", of=lambda run: format_step(run.settings.get("timestep"))),
+        Column("step", "s", of=lambda run: format_step(run.settings.get("timestep")), rank=5),
         replace(_POSITION.column, medium="terminal"),
         *(quantity.column for quantity in quantities(machine)),
     )
@@ -327,9 +330,9 @@ _EQUIVALENCE_COLUMNS = (
 def _agreement(machine: Machine, runs: Iterable[Run]) -> Table:
     heads = (
         *differences(machine),
-        Column("wall", "s", of=lambda run: "–" if run.wall_time is None else f"{run.wall_time:.2f}"),
+        Column("wall", "s", of=lambda run: "–" if run.wall_time is None else f"{run.wall_time:.2f}", rank=6),
         Column("steps", of=lambda run: run.steps, medium="page"),
-        Column("verdict", of=_verdict_cell),
+        Column("verdict", of=_verdict_cell, wrap=False, rank=0),
     )
     launch = "no launch"
     if machine.launch_time is not None and machine.launch_speed is not None:
@@ -357,7 +360,7 @@ def _pairs(pairs: Sequence[Pair]) -> tuple[Block, ...]:
 
 _PAIR_COLUMNS = (
     Column("first", of=lambda pair: pair.first),
-    Column("second", of=lambda pair: pair.second),
+    Column("second", of=lambda pair: pair.second, rank=0),
     Column("position", "m", of=lambda pair: format_number(pair.position_max)),
     Column("release", "s", of=lambda pair: format_number(pair.release_time_max)),
     Column("speed", "m/s", of=lambda pair: format_number(_largest([pair.launch_speed]))),

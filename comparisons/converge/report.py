@@ -112,7 +112,8 @@ def _orders(machine: MachineStudies, studies: Sequence[Study]) -> Table:
         for study in studies
         for curve in study.curves
     )
-    return table(heads, rows, f"{machine.model}: order of the position's error in the time step, 95 % confidence")
+    caption = f"{machine.model}: order of the position's error in the time step, 95 % confidence"
+    return table(doc.ranked(doc.columns(heads), range=2, order=0), rows, caption)
 
 
 def _curve_row(study: Study, curve: Curve, names: Iterable[str], *end: str) -> Row:
@@ -171,11 +172,11 @@ def _limits(machine: MachineStudies) -> Iterator[Block]:
 
 def _pairs(pairs: Sequence[LimitPair], caption: str, before: Sequence[Row] = ()) -> Table:
     rows = [*before, *(row(pair.first, pair.second, format_number(pair.position)) for pair in pairs)]
-    return table("first | second | position [m]", rows, caption)
+    return table(doc.ranked(doc.columns("first | second | position [m]"), second=0, position=0), rows, caption)
 
 
 def _laws(machine: MachineStudies, studies: Sequence[Study]) -> Table:
-    parameter = Column("parameter", medium="terminal", wrap=False)
+    parameter = Column("parameter", medium="terminal", wrap=False, rank=0)
     laws = doc.columns("(quantity) | expected | exponent | range | what is left | set by")
     rows = (
         _curve_row(study, curve, [study.label, study.title, str(study.base.get("integrator", study.knob))])
@@ -183,7 +184,8 @@ def _laws(machine: MachineStudies, studies: Sequence[Study]) -> Table:
         for curve in study.curves
     )
     caption = f"{machine.model}: other swept parameters, exponent of the position's error"
-    return table((*doc.columns("engine | (swept parameter)"), parameter, *laws), rows, caption)
+    heads = (*doc.columns("engine | (swept parameter)"), parameter, *laws)
+    return table(doc.ranked(heads, range=2, expected=2, exponent=0), rows, caption)
 
 
 def _about(study: Study) -> str:

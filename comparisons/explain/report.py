@@ -118,7 +118,8 @@ def _summary(machine: Machine, budgets: Iterable[Budget]) -> Table:
         for i, q in enumerate(main_quantities(budget))
     ]
     caption = f"{machine.model}: where the errors come from"
-    return table("engine | error of | rms | explained | causes", rows, caption, "terminal")
+    heads = doc.ranked(doc.columns("engine | error of | rms | explained | causes"), error_of=0, explained=2, causes=0)
+    return table(heads, rows, caption, "terminal")
 
 
 def _leading_causes(quantity: Quantity) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from ...models.problems.benchmark import Benchmark
 from ...models.spec import Spec
-from ..report.document import Block, Cell, Document, Heading, Row, Text, mark_of, row, table, words
+from ..report.document import Block, Cell, Document, Heading, Row, Text, columns, mark_of, ranked, row, table, words
 from ..report.numbers import format_number
 from .check import Check, CheckedFigure
 
@@ -42,7 +42,7 @@ def _blocks(check: Check) -> list[Block]:
     return [
         *_description(check.benchmark),
         table("parameter | value | meaning", _parameters(check.parameters)),
-        table(_TITLES, [_row(each) for each in check.figures]),
+        table(ranked(columns(_TITLES), reference=0, error=0, unit=2, tolerance=2, basis=3), map(_row, check.figures)),
         table("condition of the source | unit | largest allowed | error of the reference", conditions),
     ]
 

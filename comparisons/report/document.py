@@ -98,7 +98,9 @@ class Column(Placed):
 
     `short` is the title in a terminal, where that has to be another; neighbours of one `group` share a heading on the
     page. `of` gives the value for the object that a row is about. Where `align` and `wrap` are None, they follow from
-    the cells: numbers stand to the right, and texts with spaces may be wrapped.
+    the cells: numbers stand to the right, and texts with spaces may be wrapped. Where a terminal is too narrow, the
+    columns of the highest `rank` are left out first, of one rank the rightmost; those of rank 0, and the first one,
+    never.
     """
 
     title: str
@@ -107,12 +109,18 @@ class Column(Placed):
     short: str = ""
     group: str = ""
     wrap: bool | None = None
+    rank: int = 1
     of: Callable[[Any], object] = str
 
     @property
     def heading(self) -> str:
         """Title and unit; a pure number has none."""
         return f"{self.title} [{self.unit}]".lstrip() if self.unit not in ("", "1") else self.title
+
+    @property
+    def heading_words(self) -> str:
+        """Its title in a terminal."""
+        return self.short or self.title
 
     def laid_out(self, number: int, cells: Sequence[str]) -> Column:
         """With alignment and wrapping by its cells, and the first column, which names the rows, to the left."""
@@ -134,6 +142,11 @@ def columns(titles: str) -> tuple[Column, ...]:
 def _column(title: str) -> Column:
     text, _, unit = title.partition(" [")
     return Column(text, unit.removesuffix("]"))
+
+
+def ranked(columns: Iterable[Column], **ranks: int) -> tuple[Column, ...]:
+    """The columns with a rank for those whose title, its spaces as underscores, has one."""
+    return tuple(replace(column, rank=ranks.get(column.title.replace(" ", "_"), column.rank)) for column in columns)
 
 
 def words(title: str, *, wrap: bool = True, medium: Medium = "any") -> Column:

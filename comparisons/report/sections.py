@@ -11,7 +11,7 @@ from ...models.trajectory import Trajectory
 from ...reference.certification.certificate import Certificate, Figure
 from ..runs.balance import sampled_balance
 from ..runs.results import Machine, Metric, ResultFile, Run, SingularPosition
-from .document import Block, Code, Document, Fold, Heading, Listing, Note, Table, Text, table
+from .document import Block, Code, Document, Fold, Heading, Listing, Note, Table, Text, columns, ranked, table
 from .numbers import format_number, format_settings
 
 Settings = tuple[str, str, str, Mapping[str, object]]
@@ -113,7 +113,8 @@ def mechanism_as_data(model: str, mechanism: Mechanism) -> Fold:
 def certified_figures(figures: Iterable[Figure], caption: str) -> Table:
     """One line a figure: value, uncertainty, unit."""
     rows = [(figure.label, *figure.texts, figure.unit) for figure in figures]
-    return table("figure | value | uncertainty | unit", rows, caption)
+    heads = ranked(columns("figure | value | uncertainty | unit"), value=0, uncertainty=0, unit=0)
+    return table(heads, rows, caption)
 
 
 def certificate_report(certificate: Certificate) -> Document:

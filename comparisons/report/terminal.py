@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.text import Text as Styled
 
 from .document import Block, Code, Column, Document, Heading, Listing, Mark, Table, Text, Tiles, in_medium
+from .layout import fitted
 
 _STYLES: dict[Mark, str] = {
     "plain": "",
@@ -34,8 +35,12 @@ def progress_console() -> Console:
 
 def show(document: Document, to: Console) -> None:
     """Print what of a document a terminal has room for."""
+    before: Block | None = None
     for block in in_medium(document.blocks, "terminal"):
+        if before is not None and (isinstance(before, Table) or isinstance(block, Table)):
+            to.print()
         _show(block, to)
+        before = block
 
 
 def _show(block: Block, to: Console) -> None:
@@ -44,12 +49,12 @@ def _show(block: Block, to: Console) -> None:
             to.print()
             to.rule(Styled(block.text), align="left")
         case Text():
-            to.print(_paragraph(block), soft_wrap=True)
+            to.print(_paragraph(block))
         case Listing():
             for item in block.items:
-                to.print(_paragraph(item), soft_wrap=True)
+                to.print(_paragraph(item))
         case Table():
-            to.print(_table(block, to.width))
+            _show_table(block, to)
         case Code():
             to.print(Styled(f"\n# --- {block.title}", style="dim"))
             to.print(Styled(block.text), soft_wrap=True)
@@ -65,33 +70,24 @@ def _paragraph(block: Text) -> Styled:
     return Styled.assemble((block.lead, _STYLES[block.mark]), " ", block.text)
 
 
-def _table(block: Table, width: int) -> rich_table.Table:
+def _show_table(block: Table, to: Console) -> None:
+    """The table under its caption, as wide as there is room; what was left out is said in a line below it."""
+    layout = fitted(block, to.width)
+    if block.caption:
+        to.print(Styled(block.caption, style="bold"))
     drawn = rich_table.Table(
-        title=Styled(block.caption) if block.caption else None,
-        title_justify="left",
-        box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-        pad_edge=False,
-        show_header=block.has_head,
+        box=SIMPLE_HEAD, show_edge=False, padding=(0, layout.gap - 1, 0, 0), pad_edge=False, show_header=block.has_head
     )
-    columns, rows = block.columns_in("terminal"), block.rows_in("terminal")
-    for column in columns:
-        drawn.add_column(_heading(column), justify=column.align or "left", no_wrap=not column.wrap, overflow="fold")
-    for _, cells in rows:
-        drawn.add_row(*(Styled(cell.text, style=_STYLES[cell.mark]) for cell, _ in cells))
-    if sum(map(_least_width, drawn.columns)) > width:  # no_wrap would cut texts off
-        for column in drawn.columns:
-            column.no_wrap = False
-    return drawn
-
-
-def _least_width(column: rich_table.Column) -> int:
-    """Of a column with its gap, no word of it broken."""
-    texts = [str(text) for text in (column.header, *column.cells)]
-    parts = [part for text in texts for part in (text.splitlines() if column.no_wrap else text.split())]
-    return 2 + max(map(len, parts), default=0)
+    for column in layout.columns:
+        heading = _heading(column.column)
+        drawn.add_column(heading, justify=column.column.align or "left", width=column.width, overflow="fold")
+    for row in zip(*(column.cells for column in layout.columns), strict=True):
+        drawn.add_row(*(Styled(cell.text, style=_STYLES[cell.mark]) for cell in row))
+    to.print(drawn)
+    if layout.left_out:
+        names = ", ".join(column.heading_words for column in layout.left_out)
+        to.print(Styled(f"Not shown in {to.width} columns: {names}.", style="dim"))
 
 
 def _heading(column: Column) -> Styled:
-    title = column.short or column.title
-    return Styled(f"{title}\n[{column.unit}]" if column.unit else title)
+    return Styled(f"{column.heading_words}\n[{column.unit}]" if column.unit else column.heading_words)

@@ -1,0 +1,134 @@
+"""How a table fits into a number of characters: no word is cut, and what has no room is left out and named.
+
+Tried in this order, until the table fits: two spaces between columns, or one; texts on several lines, broken at
+spaces; fewer columns, those of the highest `Column.rank` first, and of one rank the rightmost. Columns of rank 0 stay.
+Where even these do not fit, all texts are broken at spaces, and below 40 characters each row becomes a list.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from rich.cells import cell_len
+
+from .document import Cell, Column, Table
+
+_GAP = 2
+_LIST_BELOW = 40  # characters: there is no room for two columns of names and verdicts
+_LEAST = 12  # characters of a text on several lines, unless it is shorter
+_LINES = 4  # on which the longest text of a column may be spread
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A column that is shown."""
+
+    column: Column
+    cells: tuple[Cell, ...]
+    """One a row of the table."""
+    least: int
+    """Width in which its texts can be read."""
+    width: int
+    """Width of its texts on one line; or, where the table was made to fit, the one it has."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What is shown of a table, with how many spaces between its columns, and what is not."""
+
+    columns: tuple[Fitted, ...]
+    gap: int
+    left_out: tuple[Column, ...] = ()
+
+    @property
+    def room(self) -> int:
+        """Width of the gaps."""
+        return self.gap * (len(self.columns) - 1)
+
+    def within(self, width: int) -> Layout | None:
+        """The columns made narrower, the widest first, until they fit; None if they cannot be read then."""
+        over = sum(column.width for column in self.columns) + self.room - width
+        widths = [column.width for column in self.columns]
+        for _ in range(over):
+            wide = [i for i, column in enumerate(self.columns) if widths[i] > column.least]
+            if not wide:
+                return None
+            widths[max(wide, key=widths.__getitem__)] -= 1
+        narrowed = (replace(column, width=width) for column, width in zip(self.columns, widths, strict=True))
+        return replace(self, columns=tuple(narrowed))
+
+    def without_last(self) -> Layout | None:
+        """Without the column that is left out next; None if all must stay."""
+        ranks = [0, *(fitted.column.rank for fitted in self.columns[1:])]
+        if not max(ranks):
+            return None
+        last = max(range(len(ranks)), key=lambda i: (ranks[i], i))
+        kept = (*self.columns[:last], *self.columns[last + 1 :])
+        return Layout(kept, _GAP, (self.columns[last].column, *self.left_out))
+
+
+def fitted(table: Table, width: int) -> Layout:
+    """A table in a terminal of this many characters a line."""
+    if width < _LIST_BELOW:
+        return _as_lists(table, width)
+    layout = Layout(tuple(_columns(table)), _GAP)
+    while True:
+        if found := _as_it_is(layout, width):
+            return found
+        fewer = layout.without_last()
+        if fewer is None:
+            return _broken(layout, width)
+        layout = fewer
+
+
+def _as_it_is(layout: Layout, width: int) -> Layout | None:
+    """With all its columns; texts stay on one line if they can."""
+    whole = replace(layout, columns=tuple(replace(column, least=column.width) for column in layout.columns))
+    ways = (replace(each, gap=gap).within(width) for each in (whole, layout) for gap in (_GAP, 1))
+    return next((way for way in ways if way is not None), None)
+
+
+def _broken(layout: Layout, width: int) -> Layout:
+    """All texts broken at spaces; words only where there is no other way."""
+    columns = tuple(replace(each, least=_longest_word(_texts(each.column, each.cells))) for each in layout.columns)
+    torn = tuple(replace(each, least=1) for each in columns)
+    ways = (replace(layout, columns=each, gap=1).within(width) for each in (columns, torn))
+    return next((way for way in ways if way is not None), layout)
+
+
+def _columns(table: Table) -> Iterable[Fitted]:
+    columns = table.columns_in("terminal")
+    rows = [_spread(cells) for _, cells in table.rows_in("terminal")]
+    for column, cells in zip(columns, zip(*rows, strict=True), strict=True):
+        texts = _texts(column, cells)
+        whole = max(map(cell_len, texts))
+        least = max(_longest_word(texts), min(whole, max(_LEAST, math.ceil(whole / _LINES))))
+        yield Fitted(column, cells, least if column.wrap else whole, whole)
+
+
+def _spread(cells: Sequence[tuple[Cell, int]]) -> list[Cell]:
+    """One cell a column: of one that spans several, the first has the text."""
+    return [each for cell, span in cells for each in (cell, *[Cell("")] * (span - 1))]
+
+
+def _texts(column: Column, cells: Iterable[Cell]) -> list[str]:
+    """Lines of the cells and of the heading."""
+    heading = (column.heading_words, f"[{column.unit}]" if column.unit else "")
+    return [line for text in (*heading, *(cell.text for cell in cells)) for line in text.splitlines() or [""]]
+
+
+def _longest_word(texts: Iterable[str]) -> int:
+    return max((cell_len(word) for text in texts for word in text.split()), default=0)
+
+
+def _as_lists(table: Table, width: int) -> Layout:
+    """Each row as lines of title and value."""
+    columns = [*_columns(table)]
+    names = tuple(Cell(each.column.heading_words) for _ in columns[0].cells for each in columns)
+    values = tuple(each.cells[row] for row in range(len(columns[0].cells)) for each in columns)
+    pair = Column("", align="left"), Column("", align="left")
+    found = (Fitted(head, cells, 0, 0) for head, cells in zip(pair, (names, values), strict=True))
+    whole = tuple(replace(f, width=max(cell_len(cell.text) for cell in f.cells)) for f in found)
+    return _broken(Layout(whole, _GAP), width)
