@@ -22,7 +22,9 @@ import numpy as np
 from .arrays import ComplexArray, FloatArray
 from .force_elements import ConstantForce, ConstantTorque, RotationalSpringDamper, SpringDamper
 from .joints import GROUND
-from .kinematics import AngleFunction, Kinematics, PointCoefficients
+from .kinematics import Kinematics
+from .phasors import PointCoefficients
+from .scalar_functions import AngleFunction
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ class AppliedForces:
         total = np.zeros(np.broadcast_shapes(q.shape, u.shape))
         for spring, vector in self.springs:
             gradient = self.kinematics.gradient(vector.coefficients, q, rates)
-            force = _pull(spring, self._vector(vector, q), np.sum(gradient * u, axis=-1))
+            force = _pull(spring, self.kinematics.vector(vector, q), np.sum(gradient * u, axis=-1))
             total += (force.conj()[..., None] * gradient).real
         for element, angle in self.rotational:
             total += _torque(element, angle, q, u)[..., None] * angle.coefficients
@@ -83,10 +85,8 @@ class AppliedForces:
         return forces
 
     def _on_points(self, q: FloatArray, u: FloatArray) -> Iterator[tuple[str, ComplexArray]]:
-        rates = self.kinematics.rates(q)
         for spring, vector in self.springs:
-            speed = np.sum(self.kinematics.gradient(vector.coefficients, q, rates) * u, axis=-1)
-            force = _pull(spring, self._vector(vector, q), speed)
+            force = _pull(spring, self.kinematics.vector(vector, q), self.kinematics.rate(vector, q, u))
             yield spring.body, force
             yield spring.relative_to, -force
         for element, _ in self.forces:
@@ -96,7 +96,7 @@ class AppliedForces:
         """Energy of the springs [J], shape (...,)."""
         total = np.zeros(q.shape[:-1])
         for spring, vector in self.springs:
-            total += 0.5 * spring.stiffness * (np.abs(self._vector(vector, q)) - spring.rest_length) ** 2
+            total += 0.5 * spring.stiffness * (np.abs(self.kinematics.vector(vector, q)) - spring.rest_length) ** 2
         for element, angle in self.rotational:
             if isinstance(element, RotationalSpringDamper):
                 total += 0.5 * element.stiffness * (angle.value(q) - element.rest_angle) ** 2
@@ -107,22 +107,17 @@ class AppliedForces:
 
         Kinetic and potential energy (of gravity and springs) change by its time integral.
         """
-        rates, total = self.kinematics.rates(q), np.zeros(q.shape[:-1])
+        total, vector_of, rate_of = np.zeros(q.shape[:-1]), self.kinematics.vector, self.kinematics.rate
         for spring, vector in self.springs:
             if spring.damping:
-                speed = np.sum(self.kinematics.gradient(vector.coefficients, q, rates) * u, axis=-1)
-                total -= spring.damping * _stretching(self._vector(vector, q), speed) ** 2
+                total -= spring.damping * _stretching(vector_of(vector, q), rate_of(vector, q, u)) ** 2
         for element, angle in self.rotational:
             turning = u @ angle.coefficients
             constant = element.torque * turning if isinstance(element, ConstantTorque) else 0.0
             total += constant if isinstance(element, ConstantTorque) else -element.damping * turning**2
         for element, point in self.forces:
-            speed = np.sum(self.kinematics.gradient(point.coefficients, q, rates) * u, axis=-1)
-            total += (complex(*element.force).conjugate() * speed).real
+            total += (complex(*element.force).conjugate() * rate_of(point, q, u)).real
         return total
-
-    def _vector(self, vector: PointCoefficients, q: FloatArray) -> ComplexArray:
-        return vector.offset + self.kinematics.phasors(q) @ vector.coefficients
 
 
 def _stretching(vector: ComplexArray, speed: ComplexArray) -> FloatArray:

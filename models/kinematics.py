@@ -1,14 +1,4 @@
-r"""Kinematics of a mechanism's points, as complex numbers z = x + i y.
-
-With absolute angles every point is a plain sum,
-
-    z = z_0 + sum_k c_k w_k,    w_k = exp(-i q_k) of an angle, w_k = q_k of a slide along a line that does not turn,
-                                w_k = q_k exp(-i q_c) of a slide along a line that turns with the angle q_c,
-
-with constant complex coefficients c_k (positive clockwise: the exponent is -i q). So a point is a row of
-coefficients, and velocities and accelerations follow by differentiating w alone. Its derivatives are dw_k/dq_k, the
-rates, and for a slide on a turning line dw_k/dq_c = -i q_k dw_k/dq_k as well.
-"""
+"""Kinematics of a mechanism: points and angles of its bodies, gaps of its stops, loops, energies."""
 
 from __future__ import annotations
 
@@ -21,153 +11,25 @@ import numpy as np
 from .arrays import ComplexArray, FloatArray
 from .joints import GROUND
 from .mechanism import Marker, Mechanism
+from .phasors import Phasors, PointCoefficients
+from .scalar_functions import AngleFunction, LineFunction, PointFunction, ScalarFunction
 from .spec import Vector
 from .stops import PointStop
 
 
 @dataclass(frozen=True)
-class PointCoefficients:
-    """A body's point as coefficients over the coordinates: z = offset + coefficients . w(q)."""
-
-    offset: complex
-    coefficients: ComplexArray
-
-
-@dataclass(frozen=True)
-class AngleFunction:
-    """A difference of angles: constant + coefficients . q [rad]; linear, so its Jacobian is constant."""
-
-    constant: float
-    coefficients: FloatArray
-
-    @property
-    def amplitudes(self) -> FloatArray:
-        """The greatest values of its derivatives, shape (n_q,)."""
-        return np.abs(self.coefficients)
-
-    def value(self, q: FloatArray) -> FloatArray:
-        """Shape (...,)."""
-        return q @ self.coefficients + self.constant
-
-    def jacobian(self, q: FloatArray, rates: ComplexArray) -> FloatArray:
-        """Shape (n_q,): the same in every state."""
-        return self.coefficients
-
-    def bias(self, q: FloatArray, u: FloatArray, curvature: ComplexArray) -> FloatArray:
-        """d/dt(Jacobian) u: 0."""
-        return np.zeros(curvature.shape[:-1])
-
-
-@dataclass(frozen=True)
-class PointFunction:
-    """A point's component in a direction that does not turn: constant + Re(coefficients . w(q)) [m]."""
-
-    kinematics: Kinematics
-    constant: float
-    coefficients: ComplexArray
-
-    @property
-    def amplitudes(self) -> FloatArray:
-        """The greatest values of its derivatives, shape (n_q,); of slides on turning lines, with these at 1 m."""
-        return self.kinematics.amplitudes(self.coefficients)
-
-    def value(self, q: FloatArray) -> FloatArray:
-        """Shape (...,)."""
-        return (self.kinematics.phasors(q) @ self.coefficients).real + self.constant
-
-    def jacobian(self, q: FloatArray, rates: ComplexArray) -> FloatArray:
-        """Shape (..., n_q)."""
-        return self.kinematics.gradient(self.coefficients, q, rates).real
-
-    def bias(self, q: FloatArray, u: FloatArray, curvature: ComplexArray) -> FloatArray:
-        """d/dt(Jacobian) u, shape (...,)."""
-        return (curvature @ self.coefficients).real
-
-
-@dataclass(frozen=True)
-class LineFunction:
-    r"""A point's component in a direction that turns with the angle q_b [m].
-
-    It is Re(conj(d) e^{i q_b} (z_0 + c . w)) + constant, where z_0 + c . w is the vector to the point from one of the
-    body b, and d the direction in its frame.
-    """
-
-    kinematics: Kinematics
-    constant: float
-    direction: complex
-    body: int
-    """Index of the angle."""
-    vector: PointCoefficients
-
-    @property
-    def amplitudes(self) -> FloatArray:
-        """The greatest values of its derivatives, shape (n_q,)."""
-        amplitudes = self.kinematics.amplitudes(self.vector.coefficients)
-        amplitudes[self.body] += abs(self.vector.offset) + amplitudes.sum()
-        return amplitudes
-
-    def _turned(self, q: FloatArray) -> ComplexArray:
-        return self.direction.conjugate() * np.exp(1j * q[..., self.body])
-
-    def _vector(self, q: FloatArray) -> ComplexArray:
-        return self.vector.offset + self.kinematics.phasors(q) @ self.vector.coefficients
-
-    def value(self, q: FloatArray) -> FloatArray:
-        """Shape (...,)."""
-        return (self._turned(q) * self._vector(q)).real + self.constant
-
-    def jacobian(self, q: FloatArray, rates: ComplexArray) -> FloatArray:
-        """Shape (..., n_q)."""
-        turned = self._turned(q)
-        gradient = turned[..., None] * self.kinematics.gradient(self.vector.coefficients, q, rates)
-        gradient[..., self.body] += 1j * turned * self._vector(q)
-        return gradient.real
-
-    def bias(self, q: FloatArray, u: FloatArray, curvature: ComplexArray) -> FloatArray:
-        """d/dt(Jacobian) u, shape (...,)."""
-        spin, coefficients = u[..., self.body], self.vector.coefficients
-        speed = np.sum(self.kinematics.gradient(coefficients, q, self.kinematics.rates(q)) * u, axis=-1)
-        apparent = curvature @ coefficients + 2j * spin * speed - spin**2 * self._vector(q)
-        return (self._turned(q) * apparent).real
-
-
-ScalarFunction = AngleFunction | PointFunction | LineFunction
-"""A function of q that a constraint holds at zero, or at or above zero."""
-
-
-@dataclass(frozen=True)
-class Kinematics:
+class Kinematics(Phasors):
     """Point kinematics of a mechanism; arrays of states are shaped (n, n_q)."""
-
-    mechanism: Mechanism
-
-    @cached_property
-    def is_angle(self) -> FloatArray:
-        """1.0 for an angle, 0.0 for a slide; shape (n_q,)."""
-        n_angles, n_q = len(self.mechanism.angles), len(self.mechanism.coordinates)
-        return np.array([1.0] * n_angles + [0.0] * (n_q - n_angles))
-
-    @cached_property
-    def _attitudes(self) -> dict[str, tuple[int | None, float]]:
-        return self.mechanism.attitudes
-
-    @cached_property
-    def carried(self) -> tuple[tuple[int, int], ...]:
-        """Index of each slide along a line that turns, and of the angle that it turns with."""
-        first = len(self.mechanism.angles)
-        angles = (self._attitudes[slide.joint.parent][0] for slide in self.mechanism.slides)
-        return tuple((k, angle) for k, angle in enumerate(angles, start=first) if angle is not None)
 
     @cached_property
     def _frames(self) -> dict[str, PointCoefficients]:
         """The origin of each body's frame, from the ground outwards."""
-        n_q = len(self.mechanism.coordinates)
-        rows = {GROUND: PointCoefficients(0j, np.zeros(n_q, dtype=np.complex128))}
-        slides = {name: k for k, name in enumerate(self.mechanism.coordinates)}
-        for joint in self.mechanism.tree_joints:
+        rows = {GROUND: PointCoefficients(0j, np.zeros(len(self.is_angle), dtype=np.complex128))}
+        slides = {name: k for k, name in enumerate(self.tree.coordinates)}
+        for joint in self.tree.joints:
             at = self._point(rows, joint.parent, joint.parent_point)
             frame = self._moved(at, joint.child, -complex(*joint.child_point))
-            turned = np.exp(-1j * self._attitudes[joint.parent][1])
+            turned = np.exp(-1j * self.tree.attitudes[joint.parent][1])
             for name, direction in zip(joint.slides, joint.free_directions, strict=True):
                 frame.coefficients[slides[name]] += direction * turned
             rows[joint.child] = frame
@@ -175,7 +37,7 @@ class Kinematics:
 
     def _moved(self, at: PointCoefficients, body: str, arm: complex) -> PointCoefficients:
         """A point at an arm from another one, in a body's frame [m]; its coefficients are its own."""
-        (index, turned), coefficients = self._attitudes[body], at.coefficients.copy()
+        (index, turned), coefficients = self.tree.attitudes[body], at.coefficients.copy()
         arm = arm * np.exp(-1j * turned) if turned else arm
         if index is None:
             return PointCoefficients(at.offset + arm, coefficients)
@@ -198,7 +60,7 @@ class Kinematics:
         """A body's angle, or its angle less that of another one."""
         row, constant = np.zeros(len(self.is_angle)), 0.0
         for name, sign in ((body, 1.0), (other, -1.0)):
-            index, turned = self._attitudes[name]
+            index, turned = self.tree.attitudes[name]
             constant += sign * turned
             if index is not None:
                 row[index] += sign
@@ -209,63 +71,20 @@ class Kinematics:
         self, direction: complex, of: str, vector: PointCoefficients, constant: float = 0.0
     ) -> PointFunction | LineFunction:
         """A vector's component along a direction of a body's frame (or the ground's), plus a constant [m]."""
-        index, turned = self._attitudes[of]
+        index, turned = self.tree.attitudes[of]
         direction = direction * np.exp(-1j * turned) if turned else direction
         if index is not None:
             return LineFunction(self, constant, direction, index, vector)
         along = direction.conjugate()
         return PointFunction(self, (vector.offset * along).real + constant, vector.coefficients * along)
 
-    def phasors(self, q: FloatArray) -> ComplexArray:
-        """w(q), shape like q."""
-        w = np.where(self.is_angle > 0, np.exp(-1j * q), q)
-        for k, c in self.carried:
-            w[..., k] *= w[..., c]
-        return w
-
-    def rates(self, q: FloatArray) -> ComplexArray:
-        """dw_k/dq_k, shape like q: -i exp(-i q) for an angle, 1 for a slide, exp(-i q_c) on a turning line."""
-        rates = np.where(self.is_angle > 0, -1j * np.exp(-1j * q), 1.0)
-        for k, c in self.carried:
-            rates[..., k] = 1j * rates[..., c]
-        return rates
-
-    def curvature(self, q: FloatArray, u: FloatArray, rates: ComplexArray | None = None) -> ComplexArray:
-        """d2w/dt2 without accelerations of q, shape like q."""
-        rates = self.rates(q) if rates is None else rates
-        curvature = -1j * self.is_angle * rates * u * u
-        for k, c in self.carried:
-            curvature[..., k] = -rates[..., k] * u[..., c] * (2j * u[..., k] + q[..., k] * u[..., c])
-        return curvature
-
-    def gradient(self, coefficients: ComplexArray, q: FloatArray, rates: ComplexArray) -> ComplexArray:
-        """d(coefficients . w)/dq for a row or several, shape (..., n_q)."""
-        gradient = rates * coefficients
-        for k, c in self.carried:
-            gradient[..., c] += gradient[..., k] * -1j * q[..., k]
-        return gradient
-
-    def amplitudes(self, coefficients: ComplexArray) -> FloatArray:
-        """The greatest values of a gradient's components, slides on turning lines at 1 m; shape (n_q,)."""
-        amplitudes = np.abs(coefficients)
-        for k, c in self.carried:
-            amplitudes[c] += amplitudes[k]
-        return amplitudes
-
-    def _flow(self, q: FloatArray, u: FloatArray, rates: ComplexArray) -> ComplexArray:
-        """dw/dt, shape like q."""
-        flow = rates * u
-        for k, c in self.carried:
-            flow[..., k] -= 1j * q[..., k] * rates[..., k] * u[..., c]
-        return flow
-
     def position(self, row: PointCoefficients, q: FloatArray) -> FloatArray:
         """World position [m], shape (..., 2)."""
-        return _as_vectors(row.offset + self.phasors(q) @ row.coefficients)
+        return _as_vectors(self.vector(row, q))
 
     def velocity(self, row: PointCoefficients, q: FloatArray, u: FloatArray) -> FloatArray:
         """World velocity [m/s], shape (..., 2)."""
-        return _as_vectors(self._flow(q, u, self.rates(q)) @ row.coefficients)
+        return _as_vectors(self.rate(row, q, u))
 
     def speed_scale(self, row: PointCoefficients) -> float:
         """A scale of a point's speeds [m/s]: what it would fall by all its arms, and what it moves at the start."""
@@ -275,7 +94,7 @@ class Kinematics:
     def acceleration(self, row: PointCoefficients, q: FloatArray, u: FloatArray, a: FloatArray) -> FloatArray:
         """World acceleration [m/s^2] for generalized accelerations a, shape (..., 2)."""
         rates = self.rates(q)
-        return _as_vectors((self._flow(q, a, rates) + self.curvature(q, u, rates)) @ row.coefficients)
+        return _as_vectors((self.flow(q, a, rates) + self.curvature(q, u, rates)) @ row.coefficients)
 
     def point_motion(
         self, marker: Marker, q: FloatArray, u: FloatArray, a: FloatArray
@@ -299,18 +118,18 @@ class Kinematics:
         """Inertias about the centres of mass on the angles, 0 on slides [kg m^2], shape (n_q,)."""
         inertias = np.zeros(len(self.is_angle))
         for body in self.mechanism.bodies:
-            index, _ = self._attitudes[body.name]
+            index, _ = self.tree.attitudes[body.name]
             if index is not None:
                 inertias[index] += body.inertia
         return inertias
 
     def momentum(self, q: FloatArray, u: FloatArray) -> FloatArray:
         """Linear momentum of all bodies [kg m/s], shape (..., 2)."""
-        return _as_vectors(self._flow(q, u, self.rates(q)) @ (self.masses @ self.centres))
+        return _as_vectors(self.flow(q, u, self.rates(q)) @ (self.masses @ self.centres))
 
     def kinetic_energy(self, q: FloatArray, u: FloatArray) -> FloatArray:
         """Kinetic energy [J], shape (...,)."""
-        speeds = self._flow(q, u, self.rates(q)) @ self.centres.T
+        speeds = self.flow(q, u, self.rates(q)) @ self.centres.T
         return 0.5 * (np.abs(speeds) ** 2 @ self.masses + u**2 @ self.inertias)
 
     def potential_energy(self, q: FloatArray) -> FloatArray:
@@ -355,7 +174,7 @@ class Kinematics:
         and y of the world); then, where the joint holds it, the child's angle less the parent's, full turns apart.
         """
         closures: list[ScalarFunction] = []
-        for joint in self.mechanism.loop_joints:
+        for joint in self.tree.loop_joints:
             vector = self.between(joint.child, joint.child_point, joint.parent, joint.parent_point)
             frame = joint.parent if joint.free_directions else GROUND
             closures += [self.component(direction, frame, vector) for direction in joint.held_directions]

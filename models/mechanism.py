@@ -10,7 +10,6 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from pydantic import Field, model_validator
@@ -19,6 +18,7 @@ from .force_elements import ForceElement, SpringDamper
 from .joints import GROUND, AnyJoint, FreeJoint, Joint, refuse_other_lengths
 from .spec import Name, NonNegative, Positive, Real, Spec, Vector, schema_text
 from .stops import AnyStop, PointStop, Stop
+from .tree import Configuration, Slide, Tree
 
 _DOWNWARDS = (0.0, -1.0)
 _CLOSED_GAP = 1e-12  # [rad], [m per m] a start gap below this is rounding, not an opening
@@ -49,16 +49,6 @@ class Marker(Spec):
     )
 
 
-@dataclass(frozen=True)
-class Slide:
-    """A slide coordinate of the tree: how far the child's point of its joint is along a direction."""
-
-    coordinate: str
-    joint: AnyJoint
-    direction: complex
-    """In the frame of the joint's parent, length 1."""
-
-
 class Mechanism(Spec):
     """Bodies, joints, stops, force elements, markers, gravity and the start.
 
@@ -86,23 +76,24 @@ class Mechanism(Spec):
     start_speeds: tuple[Real, ...] = Field(default=(), description="u at t = 0 [rad/s or m/s]; empty: at rest")
 
     @property
+    def tree(self) -> Tree:
+        """Its joints and coordinates; whoever asks for several of them keeps it."""
+        return Tree({body.name: body.angle for body in self.bodies}, self.joints)
+
+    @property
     def angles(self) -> tuple[str, ...]:
         """Names of the angle coordinates, the first of q."""
-        return tuple(body.angle for body in self.bodies if body.angle is not None)
+        return self.tree.angles
 
     @property
     def coordinates(self) -> tuple[str, ...]:
         """Names of q, in order."""
-        return self.angles + tuple(slide.coordinate for slide in self.slides)
+        return self.tree.coordinates
 
     @property
     def slides(self) -> tuple[Slide, ...]:
         """The slide coordinates, the last of q."""
-        return tuple(
-            Slide(name, joint, direction)
-            for joint in self.tree_joints
-            for name, direction in zip(joint.slides, joint.free_directions, strict=True)
-        )
+        return self.tree.slides
 
     @property
     def attitudes(self) -> dict[str, tuple[int | None, float]]:
@@ -110,15 +101,7 @@ class Mechanism(Spec):
 
         No index: it does not turn.
         """
-        indices = {name: i for i, name in enumerate(self.angles)}
-        attitudes: dict[str, tuple[int | None, float]] = {GROUND: (None, 0.0)}
-        for body, joint in zip(self.bodies, self.tree_joints, strict=True):
-            if joint.turned_by is None:
-                attitudes[body.name] = (indices[body.angle or ""], 0.0)
-            else:
-                index, turned = attitudes[joint.parent]
-                attitudes[body.name] = (index, turned + joint.turned_by)
-        return attitudes
+        return self.tree.attitudes
 
     @property
     def gravity_vector(self) -> Vector:
@@ -128,32 +111,32 @@ class Mechanism(Spec):
     @property
     def tree_joints(self) -> tuple[AnyJoint, ...]:
         """Each body's joint in the tree, to its parent, in the order of the bodies."""
-        first = {joint.child: joint for joint in reversed(self.joints)}
-        return tuple(first[body.name] for body in self.bodies)
+        return self.tree.joints
 
     @property
     def loop_joints(self) -> tuple[AnyJoint, ...]:
         """Joints that close a loop."""
-        tree = {joint.name for joint in self.tree_joints}
-        return tuple(joint for joint in self.joints if joint.name not in tree)
+        return self.tree.loop_joints
 
     @property
     def loop_closure_residual(self) -> dict[str, float]:
         """By how much each joint that closes a loop is open at the start: its points, along what it holds [m]."""
-        residuals: dict[str, float] = {}
-        for joint in self.loop_joints:
-            apart = self._start_position(joint.child, joint.child_point)
-            apart -= self._start_position(joint.parent, joint.parent_point)
-            apart *= cmath.exp(1j * self._start_angle(joint.parent))
+        tree, residuals = self.tree, dict[str, float]()
+        start = tree.configuration(self.start)
+        for joint in tree.loop_joints:
+            apart = start.point(joint.child, joint.child_point) - start.point(joint.parent, joint.parent_point)
+            apart *= cmath.exp(1j * start.angles[joint.parent])
             residuals[joint.name] = math.hypot(*((apart * d.conjugate()).real for d in joint.held_directions))
         return residuals
 
     @property
     def loop_angle_residual(self) -> dict[str, float]:
         """By how much each loop joint that holds an angle is turned at the start, full turns apart [rad]."""
+        tree = self.tree
+        angles = tree.configuration(self.start).angles
         return {
-            joint.name: abs(math.remainder(self._start_turn(joint) - joint.turned_by, 2 * math.pi))
-            for joint in self.loop_joints
+            joint.name: abs(math.remainder(angles[joint.child] - angles[joint.parent] - joint.turned_by, 2 * math.pi))
+            for joint in tree.loop_joints
             if joint.turned_by is not None
         }
 
@@ -206,9 +189,11 @@ class Mechanism(Spec):
 
     def subtree(self, name: str) -> Iterator[Body]:
         """A body and all its descendants in the tree."""
-        yield self.body(name)
-        for child in self.children(name):
-            yield from self.subtree(child.name)
+        members = {name}
+        for body, joint in zip(self.bodies, self.tree_joints, strict=True):
+            if body.name in members or joint.parent in members:
+                members.add(body.name)
+                yield body
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
@@ -222,8 +207,9 @@ class Mechanism(Spec):
         self._refuse_a_broken_tree()
         _refuse_repeats("coordinate", self.coordinates)
         self._refuse_a_start_of_the_wrong_length()
-        self._refuse_wrong_gaps()
-        self._refuse_springs_without_direction()
+        start = self.tree.configuration(self.start)
+        self._refuse_wrong_gaps(start)
+        self._refuse_springs_without_direction(start)
         return self
 
     def _refuse_unknown_bodies(self) -> None:
@@ -266,9 +252,9 @@ class Mechanism(Spec):
         if self.start_speeds and len(self.start_speeds) != expected:
             raise ValueError(f"start_speeds has {len(self.start_speeds)} values for {expected} coordinates")
 
-    def _refuse_wrong_gaps(self) -> None:
+    def _refuse_wrong_gaps(self, start: Configuration) -> None:
         for stop in self.stops:
-            (gap, rounding), unit = self._start_gap(stop), stop.gap_unit
+            (gap, rounding), unit = _gap(stop, start), stop.gap_unit
             if stop.closed and abs(gap) > rounding:
                 raise ValueError(f"stop {stop.name!r} is closed, but its gap at the start is {gap:.3g} {unit}, not 0")
             if not stop.closed and gap <= rounding:
@@ -276,53 +262,33 @@ class Mechanism(Spec):
                     f"stop {stop.name!r} is open, but its gap at the start is {gap:.3g} {unit}, not positive"
                 )
 
-    def _start_gap(self, stop: Stop | PointStop) -> tuple[float, float]:
-        """A stop's gap at the start, and how far rounding can move it."""
-        sizes = [1.0]
-
-        def position_of(body: str, point: Vector) -> complex:
-            at = self._start_position(body, point)
-            sizes.append(abs(at))
-            return at
-
-        gap = stop.component(self._start_angle, position_of) - stop.position
-        return gap, _CLOSED_GAP * max(sizes)
-
-    def _refuse_springs_without_direction(self) -> None:
+    def _refuse_springs_without_direction(self, start: Configuration) -> None:
         for spring in self.force_elements:
             if not isinstance(spring, SpringDamper) or not (spring.rest_length or spring.damping):
                 continue
-            apart = self._start_position(spring.body, spring.point)
-            apart -= self._start_position(spring.relative_to, spring.relative_point)
+            apart = start.point(spring.body, spring.point) - start.point(spring.relative_to, spring.relative_point)
             if abs(apart) <= _CLOSED_GAP:
                 raise ValueError(
                     f"the points of {spring.name!r} coincide at the start: its force has no direction there"
                 )
 
-    def _start_angle(self, body: str) -> float:
-        """Angle of a body (or the ground) at the start [rad]."""
-        index, turned = self.attitudes[body]
-        return turned if index is None else self.start[index] + turned
-
-    def _start_turn(self, joint: AnyJoint) -> float:
-        return self._start_angle(joint.child) - self._start_angle(joint.parent)
-
-    def _start_position(self, body: str, point: Vector) -> complex:
-        """Position of a body's point at the start, x + i y [m]."""
-        if body == GROUND:
-            return complex(*point)
-        start, joint = dict(zip(self.coordinates, self.start, strict=True)), self.joint_of(body)
-        position = self._start_position(joint.parent, joint.parent_point)
-        turned = cmath.exp(-1j * self._start_angle(joint.parent))
-        for name, direction in zip(joint.slides, joint.free_directions, strict=True):
-            position += start[name] * direction * turned
-        arm = complex(*point) - complex(*joint.child_point)
-        return position + arm * cmath.exp(-1j * self._start_angle(body))
-
 
 def mechanism_schema() -> str:
     """JSON schema of a mechanism as text, as it stands in models/schemas/."""
     return schema_text(Mechanism)
+
+
+def _gap(stop: AnyStop, start: Configuration) -> tuple[float, float]:
+    """A stop's gap at the start, and how far rounding can move it."""
+    sizes = [1.0]
+
+    def position_of(body: str, point: Vector) -> complex:
+        at = start.point(body, point)
+        sizes.append(abs(at))
+        return at
+
+    gap = stop.component(start.angles.__getitem__, position_of) - stop.position
+    return gap, _CLOSED_GAP * max(sizes)
 
 
 def _refuse_repeats(what: str, names: Iterable[str]) -> None:

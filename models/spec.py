@@ -138,8 +138,6 @@ class Spec(BaseModel):
             spec = cls.model_validate_json(text)
         except ValidationError as error:
             raise SpecError.of(error, cls.__name__) from None
-        except RecursionError:
-            raise InputError(f"{cls.__name__} cannot be built: a chain of its parts is too long.") from None
         json.loads(text, object_pairs_hook=_refuse_twice, parse_int=str, parse_float=str)
         return spec
 

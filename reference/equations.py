@@ -1,6 +1,6 @@
 r"""Equations of motion of a mechanism in its minimal coordinates, constraints by multipliers.
 
-With w = (-i e^{-i q}) on angles and 1 on slides (:mod:`..models.kinematics`) and K = C^H diag(m) C over the
+With w = (-i e^{-i q}) on angles and 1 on slides (:mod:`..models.phasors`) and K = C^H diag(m) C over the
 bodies' centres C, one Hermitian matrix H_ij = conj(w_i) K_ij w_j holds everything quadratic:
 
     M(q)   = Re H + diag(I)                    mass matrix (M_ij = Re(K_ij e^{i(q_i - q_j)}) for two angles)
@@ -31,8 +31,9 @@ import numpy as np
 from ..models.applied_forces import AppliedForces
 from ..models.arrays import ComplexArray, FloatArray
 from ..models.errors import SimulationError
-from ..models.kinematics import Kinematics, PointFunction, ScalarFunction
+from ..models.kinematics import Kinematics
 from ..models.mechanism import Mechanism
+from ..models.scalar_functions import PointFunction, ScalarFunction
 from .compiled import CompiledEquations, compiled_equations, not_unique
 from .dependence import Basis, Scales, least_step, scales_of
 
@@ -48,9 +49,7 @@ class Equations:
         self.mechanism = mechanism
         self.kinematics = Kinematics(mechanism)
         centres, masses = self.kinematics.centres, self.kinematics.masses
-        self._angles = self.kinematics.is_angle
-        self._rate_at_zero = np.where(self._angles > 0, -1j, 1.0 + 0j)
-        self._exponent = -1j * self._angles
+        self._angles, self._rates = self.kinematics.is_angle, self.kinematics.rates
         self._products: ComplexArray = (centres.conj().T * masses) @ centres
         gravity = mechanism.gravity * complex(*mechanism.gravity_direction)
         self._weights: ComplexArray = gravity * (centres.conj().T @ masses)
@@ -77,12 +76,6 @@ class Equations:
     def loop_residual(self, q: FloatArray) -> FloatArray:
         """Loop-closure residual: of each constraint of the loop joints [m or rad], shape (..., n_loops)."""
         return self.kinematics.loop_residual(q)
-
-    def _rates(self, q: FloatArray) -> ComplexArray:
-        rates = self._rate_at_zero * np.exp(self._exponent * q)
-        for k, c in self.kinematics.carried:
-            rates[..., k] = 1j * rates[..., c]
-        return rates
 
     def mass_matrix(self, q: FloatArray) -> FloatArray:
         """M(q), shape (..., n_q, n_q)."""

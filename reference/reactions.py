@@ -37,12 +37,11 @@ def joint_reactions(
     for stop in mechanism.point_stops:
         normal = _in_world(kinematics, q, stop.relative_to, complex(*stop.normal))
         _act(left, stop.body, stop.relative_to, stop_torques[stop.name][:, None] * normal)
-    tree = {
-        joint.name: np.sum([left[body.name] for body in mechanism.subtree(joint.child)], axis=0)
-        for joint in mechanism.tree_joints
-        if joint.held_directions
-    }
-    return tree | loops
+    joints = mechanism.tree_joints
+    for joint in reversed(joints):  # from the tips to the ground
+        if joint.parent != GROUND:
+            left[joint.parent] = left[joint.parent] + left[joint.child]
+    return {joint.name: left[joint.child] for joint in joints if joint.held_directions} | loops
 
 
 def _act(left: dict[str, FloatArray], body: str, other: str, force: FloatArray) -> None:

@@ -12,8 +12,8 @@ from scipy.integrate import OdeSolution
 
 from ..models.arrays import FloatArray, IndexArray
 from ..models.errors import InputError
-from ..models.kinematics import PointCoefficients
 from ..models.launch import LAUNCH_ANGLE, Launch, SmoothVelocity, first_launch, rest_opened
+from ..models.phasors import PointCoefficients
 from ..models.problem import Problem
 from ..models.trajectory import PointMotion, Provenance, Trajectory
 from .equations import Equations

@@ -15,7 +15,8 @@ from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
 from ...models.joints import AnyJoint
 from ...models.kinematics import Kinematics
-from ...models.mechanism import Mechanism, Slide
+from ...models.mechanism import Mechanism
+from ...models.tree import Slide
 from ..inspection import Dynamics, Inspection, State
 from .build import System, build, exu, silence
 from .constraints import Spring

@@ -9,7 +9,8 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.joints import GROUND
-from ...models.mechanism import Mechanism, Slide
+from ...models.mechanism import Mechanism
+from ...models.tree import Slide
 from ..inspection import Dynamics, Inspection, State
 from .build import load, start_data
 from .constraints import UnilateralConstraint, slot_contacts, stop_constraints

@@ -30,10 +30,7 @@ def hinge_chain(mechanism: Mechanism, body: str) -> tuple[str, ...]:
 
 def start_angles(mechanism: Mechanism) -> dict[str, float]:
     """Angles of the bodies and the ground at the start [rad], by name."""
-    return {
-        name: turned if index is None else mechanism.start[index] + turned
-        for name, (index, turned) in mechanism.attitudes.items()
-    }
+    return mechanism.tree.configuration(mechanism.start).angles
 
 
 def hinge_weights(mechanism: Mechanism, body: str, other: str) -> dict[str, int]:

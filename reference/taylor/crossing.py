@@ -12,8 +12,8 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
-from ...models.kinematics import PointCoefficients
 from ...models.launch import lead
+from ...models.phasors import PointCoefficients
 from ..contact import ActiveSet, PostEventState
 from ..equations import Equations
 from ..singular import Watch, Window

@@ -1,0 +1,111 @@
+r"""Coordinates of a mechanism's points, as complex numbers z = x + i y.
+
+With absolute angles every point is a plain sum,
+
+    z = z_0 + sum_k c_k w_k,    w_k = exp(-i q_k) of an angle, w_k = q_k of a slide along a line that does not turn,
+                                w_k = q_k exp(-i q_c) of a slide along a line that turns with the angle q_c,
+
+with constant complex coefficients c_k (positive clockwise: the exponent is -i q). So a point is a row of
+coefficients, and velocities and accelerations follow by differentiating w alone. Its derivatives are dw_k/dq_k, the
+rates, and for a slide on a turning line dw_k/dq_c = -i q_k dw_k/dq_k as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from .arrays import ComplexArray, FloatArray
+from .mechanism import Mechanism
+from .tree import Tree
+
+
+@dataclass(frozen=True)
+class PointCoefficients:
+    """A body's point as coefficients over the coordinates: z = offset + coefficients . w(q)."""
+
+    offset: complex
+    coefficients: ComplexArray
+
+
+@dataclass(frozen=True)
+class Phasors:
+    """w(q) of a mechanism and its derivatives; arrays of states are shaped (n, n_q)."""
+
+    mechanism: Mechanism
+
+    @cached_property
+    def tree(self) -> Tree:
+        """The mechanism's tree."""
+        return self.mechanism.tree
+
+    @cached_property
+    def is_angle(self) -> FloatArray:
+        """1.0 for an angle, 0.0 for a slide; shape (n_q,)."""
+        return np.array([1.0] * len(self.tree.angles) + [0.0] * len(self.tree.slides))
+
+    @cached_property
+    def carried(self) -> tuple[tuple[int, int], ...]:
+        """Index of each slide along a line that turns, and of the angle that it turns with."""
+        angles = (self.tree.attitudes[slide.joint.parent][0] for slide in self.tree.slides)
+        first = len(self.tree.angles)
+        return tuple((k, angle) for k, angle in enumerate(angles, start=first) if angle is not None)
+
+    def phasors(self, q: FloatArray) -> ComplexArray:
+        """w(q), shape like q."""
+        w = np.where(self.is_angle > 0, np.exp(-1j * q), q)
+        for k, c in self.carried:
+            w[..., k] *= w[..., c]
+        return w
+
+    @cached_property
+    def _rates_at_zero(self) -> tuple[ComplexArray, ComplexArray]:
+        """Of each coordinate the rate at q = 0, and the factor of q in its exponent."""
+        return np.where(self.is_angle > 0, -1j, 1.0 + 0j), np.asarray(-1j * self.is_angle, dtype=np.complex128)
+
+    def rates(self, q: FloatArray) -> ComplexArray:
+        """dw_k/dq_k, shape like q: -i exp(-i q) for an angle, 1 for a slide, exp(-i q_c) on a turning line."""
+        at_zero, exponent = self._rates_at_zero
+        rates = at_zero * np.exp(exponent * q)
+        for k, c in self.carried:
+            rates[..., k] = 1j * rates[..., c]
+        return rates
+
+    def curvature(self, q: FloatArray, u: FloatArray, rates: ComplexArray | None = None) -> ComplexArray:
+        """d2w/dt2 without accelerations of q, shape like q."""
+        rates = self.rates(q) if rates is None else rates
+        curvature = -1j * self.is_angle * rates * u * u
+        for k, c in self.carried:
+            curvature[..., k] = -rates[..., k] * u[..., c] * (2j * u[..., k] + q[..., k] * u[..., c])
+        return curvature
+
+    def gradient(self, coefficients: ComplexArray, q: FloatArray, rates: ComplexArray) -> ComplexArray:
+        """d(coefficients . w)/dq for a row or several, shape (..., n_q)."""
+        gradient = rates * coefficients
+        for k, c in self.carried:
+            gradient[..., c] += gradient[..., k] * -1j * q[..., k]
+        return gradient
+
+    def amplitudes(self, coefficients: ComplexArray) -> FloatArray:
+        """The greatest values of a gradient's components, slides on turning lines at 1 m; shape (n_q,)."""
+        amplitudes = np.abs(coefficients)
+        for k, c in self.carried:
+            amplitudes[c] += amplitudes[k]
+        return amplitudes
+
+    def flow(self, q: FloatArray, u: FloatArray, rates: ComplexArray) -> ComplexArray:
+        """dw/dt for speeds u, shape like q."""
+        flow = rates * u
+        for k, c in self.carried:
+            flow[..., k] -= 1j * q[..., k] * rates[..., k] * u[..., c]
+        return flow
+
+    def vector(self, row: PointCoefficients, q: FloatArray) -> ComplexArray:
+        """A point, or the vector between two, as a complex number [m], shape (...,)."""
+        return row.offset + self.phasors(q) @ row.coefficients
+
+    def rate(self, row: PointCoefficients, q: FloatArray, u: FloatArray) -> ComplexArray:
+        """Its derivative with respect to time [m/s], shape (...,)."""
+        return self.flow(q, u, self.rates(q)) @ row.coefficients
