@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from .spec import Name, Real, Spec, Vector
+from .spec import Name, Real, Spec, Vector, as_complex
 
 GROUND = "ground"
 _UNIT = 1e-12  # by which the square of a direction's length may differ from 1
@@ -88,12 +88,12 @@ class _SlidingJoint(_Joint):
     @property
     def free_directions(self) -> tuple[complex, ...]:
         """Along the line."""
-        return (complex(*self.axis),)
+        return (as_complex(self.axis),)
 
     @property
     def held_directions(self) -> tuple[complex, ...]:
         """Across the line."""
-        return (1j * complex(*self.axis),)
+        return (1j * as_complex(self.axis),)
 
     @property
     def slides(self) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from .joints import GROUND
 from .mechanism import Marker, Mechanism
 from .phasors import Phasors, PointCoefficients
 from .scalar_functions import AngleFunction, LineFunction, PointFunction, ScalarFunction
-from .spec import Vector
+from .spec import Vector, as_complex
 from .stops import PointStop
 
 
@@ -24,32 +25,33 @@ class Kinematics(Phasors):
     @cached_property
     def _frames(self) -> dict[str, PointCoefficients]:
         """The origin of each body's frame, from the ground outwards."""
-        rows = {GROUND: PointCoefficients(0j, np.zeros(len(self.is_angle), dtype=np.complex128))}
+        shape = (*np.shape(self.mechanism.gravity), len(self.is_angle))
+        rows = {GROUND: PointCoefficients(0j, np.zeros(shape, dtype=np.complex128))}
         slides = {name: k for k, name in enumerate(self.tree.coordinates)}
         for joint in self.tree.joints:
-            at = self._point(rows, joint.parent, joint.parent_point)
-            frame = self._moved(at, joint.child, -complex(*joint.child_point))
-            turned = np.exp(-1j * self.tree.attitudes[joint.parent][1])
+            at = self._moved(rows[joint.parent], joint.parent, as_complex(joint.parent_point))
+            frame = self._moved(at, joint.child, -as_complex(joint.child_point))
             for name, direction in zip(joint.slides, joint.free_directions, strict=True):
-                frame.coefficients[slides[name]] += direction * turned
+                frame.coefficients[..., slides[name]] += self._turned(joint.parent, direction)
             rows[joint.child] = frame
         return rows
 
+    def _turned(self, body: str, vector: complex) -> complex:
+        """A vector of a body's frame, turned by the constant that is added to the angle it turns with."""
+        turned = self.tree.attitudes[body][1]
+        return vector if isinstance(turned, float) and not turned else vector * np.exp(-1j * turned)
+
     def _moved(self, at: PointCoefficients, body: str, arm: complex) -> PointCoefficients:
         """A point at an arm from another one, in a body's frame [m]; its coefficients are its own."""
-        (index, turned), coefficients = self.tree.attitudes[body], at.coefficients.copy()
-        arm = arm * np.exp(-1j * turned) if turned else arm
+        index, arm, coefficients = self.tree.attitudes[body][0], self._turned(body, arm), at.coefficients.copy()
         if index is None:
             return PointCoefficients(at.offset + arm, coefficients)
-        coefficients[index] += arm
+        coefficients[..., index] += arm
         return PointCoefficients(at.offset, coefficients)
-
-    def _point(self, frames: dict[str, PointCoefficients], body: str, point: Vector) -> PointCoefficients:
-        return self._moved(frames[body], body, complex(*point))
 
     def point(self, body: str, point: Vector) -> PointCoefficients:
         """The row of a point given in a body's frame (or the ground's)."""
-        return self._point(self._frames, body, point)
+        return self._moved(self._frames[body], body, as_complex(point))
 
     def between(self, body: str, point: Vector, other: str, other_point: Vector) -> PointCoefficients:
         """The row of the vector from a point of another body to a body's point."""
@@ -71,12 +73,12 @@ class Kinematics(Phasors):
         self, direction: complex, of: str, vector: PointCoefficients, constant: float = 0.0
     ) -> PointFunction | LineFunction:
         """A vector's component along a direction of a body's frame (or the ground's), plus a constant [m]."""
-        index, turned = self.tree.attitudes[of]
-        direction = direction * np.exp(-1j * turned) if turned else direction
+        index, direction = self.tree.attitudes[of][0], self._turned(of, direction)
         if index is not None:
             return LineFunction(self, constant, direction, index, vector)
         along = direction.conjugate()
-        return PointFunction(self, (vector.offset * along).real + constant, vector.coefficients * along)
+        coefficients = vector.coefficients * np.asarray(along)[..., None]
+        return PointFunction(self, (vector.offset * along).real + constant, coefficients)
 
     def position(self, row: PointCoefficients, q: FloatArray) -> FloatArray:
         """World position [m], shape (..., 2)."""
@@ -88,8 +90,8 @@ class Kinematics(Phasors):
 
     def speed_scale(self, row: PointCoefficients) -> float:
         """A scale of a point's speeds [m/s]: what it would fall by all its arms, and what it moves at the start."""
-        arms, speeds = np.abs(row.coefficients), np.abs(self.mechanism.start_speeds or 0.0)
-        return math.sqrt(self.mechanism.gravity * float(arms @ self.is_angle)) + float(np.sum(arms * speeds))
+        arms, speeds = np.abs(row.coefficients), np.abs(initial_state(self.mechanism)[1])
+        return np.sqrt(self.mechanism.gravity * (arms @ self.is_angle)) + np.sum(arms * speeds, axis=-1)
 
     def acceleration(self, row: PointCoefficients, q: FloatArray, u: FloatArray, a: FloatArray) -> FloatArray:
         """World acceleration [m/s^2] for generalized accelerations a, shape (..., 2)."""
@@ -106,21 +108,21 @@ class Kinematics(Phasors):
     @cached_property
     def centres(self) -> ComplexArray:
         """Coefficients of the bodies' centres of mass, shape (n_bodies, n_q)."""
-        return np.array([self.point(b.name, b.centre).coefficients for b in self.mechanism.bodies])
+        return np.stack([self.point(b.name, b.centre).coefficients for b in self.mechanism.bodies], axis=-2)
 
     @cached_property
     def masses(self) -> FloatArray:
         """Masses of the bodies [kg], shape (n_bodies,)."""
-        return np.array([body.mass for body in self.mechanism.bodies])
+        return np.array([body.mass for body in self.mechanism.bodies]).T
 
     @cached_property
     def inertias(self) -> FloatArray:
         """Inertias about the centres of mass on the angles, 0 on slides [kg m^2], shape (n_q,)."""
-        inertias = np.zeros(len(self.is_angle))
+        inertias = np.zeros((*np.shape(self.mechanism.gravity), len(self.is_angle)))
         for body in self.mechanism.bodies:
             index, _ = self.tree.attitudes[body.name]
             if index is not None:
-                inertias[index] += body.inertia
+                inertias[..., index] += body.inertia
         return inertias
 
     def momentum(self, q: FloatArray, u: FloatArray) -> FloatArray:
@@ -134,7 +136,7 @@ class Kinematics(Phasors):
 
     def potential_energy(self, q: FloatArray) -> FloatArray:
         """Potential energy of gravity [J], zero at the world's origin (the fulcrum's height), shape (...,)."""
-        upwards = -complex(*self.mechanism.gravity_direction).conjugate()
+        upwards = -as_complex(self.mechanism.gravity_direction).conjugate()
         offsets = np.array([self.point(b.name, b.centre).offset for b in self.mechanism.bodies])
         heights = ((self.phasors(q) @ self.centres.T + offsets) * upwards).real
         return self.mechanism.gravity * heights @ self.masses
@@ -158,7 +160,7 @@ class Kinematics(Phasors):
         for stop in self.mechanism.stops:
             if isinstance(stop, PointStop):
                 vector = self.between(stop.body, stop.point, stop.relative_to, (0.0, 0.0))
-                gaps[stop.name] = self.component(complex(*stop.normal), stop.relative_to, vector, -stop.offset)
+                gaps[stop.name] = self.component(as_complex(stop.normal), stop.relative_to, vector, -stop.offset)
             else:
                 angle = self.angle(stop.body, stop.relative_to)
                 row = stop.sense * angle.coefficients
@@ -180,9 +182,9 @@ class Kinematics(Phasors):
             closures += [self.component(direction, frame, vector) for direction in joint.held_directions]
             if joint.turned_by is not None:
                 angle = self.angle(joint.child, joint.parent)
-                apart = float(angle.value(np.array(self.mechanism.start))) - joint.turned_by
-                turns = round(apart / (2 * math.pi)) * 2 * math.pi
-                closures.append(AngleFunction(angle.constant - joint.turned_by - turns, angle.coefficients))
+                apart = angle.value(initial_state(self.mechanism)[0]) - joint.turned_by
+                constant = angle.constant - joint.turned_by - np.round(apart / (2 * math.pi)) * 2 * math.pi
+                closures.append(AngleFunction(cast("float", constant), angle.coefficients))
         return tuple(closures)
 
     def loop_residual(self, q: FloatArray) -> FloatArray:
@@ -202,8 +204,8 @@ class Kinematics(Phasors):
 
 def initial_state(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
     """Coordinates q and speeds u at t = 0, each of shape (n_q,)."""
-    q = np.array(mechanism.start, dtype=np.float64)
-    return q, np.array(mechanism.start_speeds, dtype=np.float64) if mechanism.start_speeds else np.zeros_like(q)
+    q = np.array(mechanism.start, dtype=np.float64).T
+    return q, np.array(mechanism.start_speeds, dtype=np.float64).T if mechanism.start_speeds else np.zeros_like(q)
 
 
 def _as_vectors(z: ComplexArray) -> FloatArray:

@@ -8,6 +8,7 @@ With absolute angles every point is a plain sum,
 with constant complex coefficients c_k (positive clockwise: the exponent is -i q). So a point is a row of
 coefficients, and velocities and accelerations follow by differentiating w alone. Its derivatives are dw_k/dq_k, the
 rates, and for a slide on a turning line dw_k/dq_c = -i q_k dw_k/dq_k as well.
+Of n mechanisms as one (:mod:`.stacked`) coefficients and constants have a first axis of that length.
 """
 
 from __future__ import annotations
@@ -104,7 +105,8 @@ class Phasors:
 
     def vector(self, row: PointCoefficients, q: FloatArray) -> ComplexArray:
         """A point, or the vector between two, as a complex number [m], shape (...,)."""
-        return row.offset + self.phasors(q) @ row.coefficients
+        w, c = self.phasors(q), row.coefficients
+        return row.offset + (w @ c if c.ndim == 1 else np.sum(w * c, axis=-1))
 
     def rate(self, row: PointCoefficients, q: FloatArray, u: FloatArray) -> ComplexArray:
         """Its derivative with respect to time [m/s], shape (...,)."""

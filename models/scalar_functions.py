@@ -50,7 +50,7 @@ class PointFunction:
 
     def value(self, q: FloatArray) -> FloatArray:
         """Shape (...,)."""
-        return (self.phasors.phasors(q) @ self.coefficients).real + self.constant
+        return self.phasors.vector(PointCoefficients(self.constant, self.coefficients), q).real
 
     def jacobian(self, q: FloatArray, rates: ComplexArray) -> FloatArray:
         """Shape (..., n_q)."""

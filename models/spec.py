@@ -28,6 +28,12 @@ NonNegative = Annotated[Real, Field(ge=0)]
 Vector = tuple[Real, Real]
 """Two components (x, y)."""
 
+
+def as_complex(vector: Vector) -> complex:
+    """Its components as x + i y; an array where they are arrays (:mod:`.stacked`)."""
+    return vector[0] + 1j * vector[1]
+
+
 Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z][A-Za-z0-9_ \-]*$")]
 """A name that is also legal in MJCF, NetCDF and file names: a letter, then letters, digits, space, _ or -."""
 

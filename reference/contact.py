@@ -44,9 +44,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from ..models.arrays import FloatArray
+from ..models.arrays import BoolArray, FloatArray
 from ..models.errors import InputError, SimulationError
-from ..models.kinematics import initial_state
+from ..models.kinematics import Kinematics, initial_state
 from ..models.problem import Problem, StopLaw
 from .bouncing import Bouncing
 from .equations import Equations
@@ -168,6 +168,19 @@ def _delassus(
     free = equations.solve(q, u, ())[0]
     response = np.array([equations.response(q, row) for row in rows])
     return rows @ response.T, rows @ free + equations.constraint_bias(q, u, touching)[equations.n_loops :]
+
+
+def starts_at_rest(kinematics: Kinematics, closed: Sequence[str]) -> BoolArray:
+    """Whether loops close at the start and closed stops rest there, in position and speed; of stacked mechanisms (n,).
+
+    Then the start is what :meth:`ActiveSet.begin` begins with.
+    """
+    q, u = initial_state(kinematics.mechanism)
+    rows = [kinematics.gap_jacobian(name, q) for name in closed]
+    speeds = [np.abs(np.sum(row * u, axis=-1)) <= _AT_REST for row in rows]
+    speeds.append(np.all(np.abs(kinematics.loop_jacobian(q) @ u[..., None]) <= _FITS, axis=(-2, -1)))
+    speeds.append(np.all(np.abs(kinematics.loop_residual(q)) <= _FITS, axis=-1))
+    return np.all(speeds, axis=0)
 
 
 @dataclass(frozen=True)

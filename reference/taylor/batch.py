@@ -6,19 +6,21 @@ regard to the others; a lane whose machine has launched takes the next one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
 
-from ...models.arrays import FloatArray
+from ...models.arrays import FloatArray, IndexArray
 from ...models.errors import InputError
-from ...models.kinematics import Kinematics, initial_state
+from ...models.kinematics import Kinematics, PointCoefficients, initial_state
 from ...models.launch import is_launch
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
-from ..contact import ActiveSet
+from ...models.stacked import stacked
+from ..contact import ActiveSet, starts_at_rest
 from ..equations import Equations
 from ..reactions import refuse_dependent
 from .compiled import batch_pool, torque_function
@@ -26,6 +28,7 @@ from .machine import PROJECTILE, Structure, numbers_of, projectile_row, relevant
 from .system import heyoka
 
 BATCH_TOLERANCE = 1e-12
+_CHUNK = 4096  # machines whose numbers are held at a time
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,11 @@ class BatchLaunches:
     """At the launch, shape (n, n_q) [rad or m]."""
     u: FloatArray
     """At the launch, shape (n, n_q) [rad/s or m/s]."""
+    failures: Mapping[int, str] = field(default_factory=dict[int, str])
+    """Of the machines whose motion is not known up to a launch or the duration: index, and one sentence that says why.
+
+    They are not among those launched.
+    """
 
     @property
     def speed(self) -> FloatArray:
@@ -52,107 +60,175 @@ class BatchLaunches:
 
 
 def launch_batch(
-    mechanisms: Sequence[Mechanism], duration: float = 4.0, tolerance: float = BATCH_TOLERANCE
+    mechanisms: Iterable[Mechanism], duration: float = 4.0, tolerance: float = BATCH_TOLERANCE
 ) -> BatchLaunches:
     """Launches of machines of one kind under the release-once law.
 
+    A machine that comes near a singular position is solved alone, as by :func:`.solve.taylor_quantities`.
+
     Args:
-        mechanisms: alike but for their numbers: same coordinates, stops and projectile.
+        mechanisms: alike but for their numbers: same coordinates, stops and projectile. Of an iterator that makes them
+            one by one no more than some thousands are held at a time.
         duration: the launch is searched up to here [s].
         tolerance: relative local error.
 
     Raises:
         EngineNotInstalledError: heyoka is not here.
-        InputError: the machines are not alike, throw nothing, or the duration or the tolerance is not usable.
+        InputError: the machines are not alike, throw nothing, or the duration or the tolerance is not usable; or the
+            loops of one do not close at the start.
+        UnsupportedProblemError: constraints of a machine depend on each other.
     """
     if not 2.3e-16 <= tolerance <= 1e-2:
         raise InputError(f"tolerance = {tolerance!r} is not between 2.3e-16 and 0.01.")
-    if not mechanisms:
+    source, kind, parts = iter(mechanisms), None, list[BatchLaunches]()
+    machines: _Machines | None = None
+    while chunk := list(islice(source, _CHUNK)):
+        kind = kind or _Kind(chunk[0], duration)
+        machines = _Machines(chunk, kind, len(parts) * _CHUNK, machines and machines.structure)
+        with batch_pool(machines.structure, tolerance, _lanes()).lend() as integrator:
+            parts.append(_Lanes(integrator, machines, duration, tolerance).run())
+    if not parts:
         raise InputError("mechanisms is empty; at least one is needed.")
-    _refuse_unlike(mechanisms)
-    first = Problem(mechanisms[0], duration)
-    # Copies: each mechanism is valid already, and to validate it again takes as long as to integrate it.
-    machines = _Machines([first.model_copy(update={"mechanism": mechanism}) for mechanism in mechanisms])
-    lanes = int(heyoka().recommended_simd_size())
-    with batch_pool(machines.structure, tolerance, lanes).lend() as integrator:
-        return _Lanes(integrator, machines, duration).run()
+    return _joined(parts)
 
 
-def _refuse_unlike(mechanisms: Sequence[Mechanism]) -> None:
-    def kind(mechanism: Mechanism) -> tuple[object, ...]:
+def _lanes() -> int:
+    return int(heyoka().recommended_simd_size())
+
+
+def _joined(parts: Sequence[BatchLaunches]) -> BatchLaunches:
+    def joined(name: str) -> Any:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    releases = {name: np.concatenate([part.release_times[name] for part in parts]) for name in parts[0].release_times}
+    failures = {k * _CHUNK + i: text for k, part in enumerate(parts) for i, text in part.failures.items()}
+    columns = {name: joined(name) for name in ("launched", "time", "velocity", "q", "u")}
+    return BatchLaunches(release_times=releases, failures=failures, **columns)
+
+
+class _Kind:
+    """What all machines of a batch have in common with the first one."""
+
+    def __init__(self, first: Mechanism, duration: float) -> None:
+        self.name, self.problem, self._what = first.name, Problem(first, duration), self._of(first)
+        if first.marker(PROJECTILE) is None:
+            raise InputError(f"mechanism {first.name!r} has no marker 'projectile' that could be launched.")
+
+    def problem_of(self, mechanism: Mechanism) -> Problem:
+        """Of a valid mechanism, or of stacked ones: not validated again, which takes as long as to integrate it."""
+        return self.problem.model_copy(update={"mechanism": mechanism})
+
+    def refuse_other(self, mechanism: Mechanism, index: int) -> None:
+        """Raise InputError if a machine is of another kind."""
+        if self._of(mechanism) != self._what:
+            raise self.refusal(mechanism, index)
+
+    def refusal(self, mechanism: Mechanism, index: int) -> InputError:
+        """One sentence for a machine of another kind."""
+        return InputError(
+            f"mechanisms[{index}] ({mechanism.name!r}) differs from the first ({self.name!r}) in its coordinates, "
+            "stops, loops, force elements or projectile; a batch needs machines of one kind."
+        )
+
+    @staticmethod
+    def _of(mechanism: Mechanism) -> tuple[object, ...]:
         stops: list[object] = [(s.name, s.body, s.relative_to, s.sense, s.closed) for s in mechanism.angle_stops]
         stops += [(s.name, s.body, s.closed) for s in mechanism.point_stops]
         thrown = [marker.body for marker in mechanism.markers if marker.name == PROJECTILE]
         return (mechanism.coordinates, stops, thrown, [(j.name, j.kind) for j in mechanism.loop_joints])
 
-    first = kind(mechanisms[0])
-    if not first[2]:
-        raise InputError(f"mechanism {mechanisms[0].name!r} has no marker 'projectile' that could be launched.")
-    for i, mechanism in enumerate(mechanisms):
-        if kind(mechanism) != first:
-            raise InputError(
-                f"mechanisms[{i}] ({mechanism.name!r}) differs from the first ({mechanisms[0].name!r}) in its "
-                "coordinates, stops, loops or projectile; a batch needs machines of one kind."
-            )
-
 
 class _Machines:
     """The machines' parameters and starts as arrays, one column for each."""
 
-    def __init__(self, problems: Sequence[Problem]) -> None:
-        first = problems[0]
-        self.names = tuple(stop.name for stop in first.mechanism.stops)
-        self.stops = relevant_stops(first)
-        self.problems = problems
-        self.kinematics = [Kinematics(problem.mechanism) for problem in problems]
-        both = zip(problems, self.kinematics, strict=True)
-        numbers = np.array([numbers_of(problem, kinematics, np.float64) for problem, kinematics in both])
-        present = np.any(numbers != 0, axis=0)
-        self.structure: Structure = structure_of(first, self.kinematics[0], present)
-        self.parameters = np.zeros((self.structure.n_parameters, len(problems)))
-        self.parameters[: self.structure.n_numbers] = numbers[:, present].T
-        starts = [np.concatenate(initial_state(problem.mechanism)) for problem in problems]
-        self.states = np.ascontiguousarray(np.array(starts).T)
-        self.released_at_start = np.zeros((len(problems), len(self.stops)), dtype=bool)
+    def __init__(self, mechanisms: Sequence[Mechanism], kind: _Kind, first: int, before: Structure | None) -> None:
+        self.mechanisms, self.kind = mechanisms, kind
+        self.names = tuple(stop.name for stop in mechanisms[0].stops)
+        self.stops = relevant_stops(kind.problem)
+        groups: list[tuple[IndexArray, Problem, Kinematics]] = []
+        for indices, alike in stacked(mechanisms):
+            kind.refuse_other(mechanisms[indices[0]], first + int(indices[0]))
+            groups.append((indices, kind.problem_of(alike), Kinematics(alike)))
+        numbers = self._take_structure(groups, first, before)
+        n, n_q = len(mechanisms), self.structure.n_q
+        self.parameters = np.zeros((self.structure.n_parameters, n))
+        self.parameters[: self.structure.n_numbers] = numbers[:, np.array(self.structure.present)].T
+        self.states, self.speed_scales = np.empty((2 * n_q, n)), np.empty(n)
+        self.projectiles, self.plain = np.empty((n, n_q), dtype=np.complex128), np.empty(n, dtype=bool)
+        for indices, problem, kinematics in groups:
+            projectile = projectile_row(problem.mechanism, kinematics)
+            self.states[:, indices] = np.concatenate(initial_state(problem.mechanism), axis=-1).T
+            self.speed_scales[indices] = kinematics.speed_scale(projectile)
+            self.projectiles[indices] = projectile.coefficients
+            self.plain[indices] = starts_at_rest(kinematics, self.stops)
+        self.kinematics = groups[0][2]
         self._begin()
-        self.projectiles = [projectile_row(k.mechanism, k) for k in self.kinematics]
-        self.speed_scales = [k.speed_scale(row) for k, row in zip(self.kinematics, self.projectiles, strict=True)]
-        self.rests = np.array([name in rests_of(first.mechanism) for name in self.stops], dtype=bool)
+        self.rests = np.array([name in rests_of(mechanisms[0]) for name in self.stops], dtype=bool)
+
+    def _take_structure(
+        self, groups: Sequence[tuple[IndexArray, Problem, Kinematics]], first: int, before: Structure | None
+    ) -> FloatArray:
+        """All numbers, shape (n, n_numbers); the structure has those that any machine has, or had before."""
+        none = np.zeros(0, dtype=bool)
+        structures = [structure_of(problem, kinematics, none) for _, problem, kinematics in groups]
+        if before is not None:
+            structures.append(replace(before, present=()))
+        springs = tuple(any(flags) for flags in zip(*(structure.springs for structure in structures), strict=False))
+        for (indices, _, _), structure in zip(groups, structures, strict=False):
+            if replace(structure, springs=springs) != replace(structures[0], springs=springs):
+                raise self.kind.refusal(self.mechanisms[indices[0]], first + int(indices[0]))
+        rows = [numbers_of(problem, kinematics, np.float64) for _, problem, kinematics in groups]
+        numbers = np.empty((len(self.mechanisms), rows[0].shape[1]))
+        for (indices, _, _), row in zip(groups, rows, strict=True):
+            numbers[indices] = row
+        present = np.any(numbers != 0, axis=0)
+        if before is not None:
+            present |= np.array(before.present)
+        self.structure = replace(structures[0], springs=springs, present=tuple(present.tolist()))
+        return numbers
 
     def _begin(self) -> None:
-        """All touching stops active; machines where some would have to pull, or with start speeds, one by one."""
+        """All touching stops active but one that would have to pull; other starts are taken one by one."""
         active = self.structure.active
         self.parameters[active] = 1.0
-        plain = np.ones(len(self.problems), dtype=bool)
         if self.stops:
-            function = torque_function(self.structure, np.float64)
-            plain = np.all(function(self.states, pars=self.parameters[: active.stop]) >= 0, axis=0)
-        if self.structure.n_loops or any(problem.mechanism.start_speeds for problem in self.problems):
-            plain[:] = False
-        for i in np.flatnonzero(~plain).tolist():
-            equations = Equations(self.problems[i].mechanism)
-            initial = ActiveSet(self.problems[i], equations).begin()
+            # Where one stop alone would have to pull, its gap opens without it, for the Delassus matrix is definite.
+            pulls = ~(self._torques() >= 0)
+            self.parameters[active] = ~(pulls & (pulls.sum(axis=0) == 1))
+            self.plain &= np.all(self._torques() >= 0, axis=0)
+        self.released_at_start = self.parameters[active].T == 0
+        for i in np.flatnonzero(~self.plain).tolist():
+            equations = Equations(self.mechanisms[i])
+            initial = ActiveSet(self.problem(i), equations).begin()
             refuse_dependent(equations, initial.q, initial.closed, "the Taylor integrator")
             self.states[:, i] = np.concatenate([initial.q, initial.u])
             self.released_at_start[i] = [name not in initial.closed for name in self.stops]
         self.parameters[active] = ~self.released_at_start.T
 
+    def _torques(self) -> FloatArray:
+        parameters = self.parameters[: self.structure.active.stop]
+        return np.asarray(torque_function(self.structure, np.float64)(self.states, pars=parameters))
+
+    def problem(self, i: int) -> Problem:
+        """Of one machine."""
+        return self.kind.problem_of(self.mechanisms[i])
+
     def velocity(self, i: int, state: FloatArray) -> FloatArray:
         """Of the projectile of machine i [m/s], shape (2,)."""
-        n_q = self.structure.n_q
-        return self.kinematics[i].velocity(self.projectiles[i], state[:n_q], state[n_q:])
+        n_q, row = self.structure.n_q, PointCoefficients(0j, self.projectiles[i])
+        return self.kinematics.velocity(row, state[:n_q], state[n_q:])
 
 
 class _Lanes:
     """Steps all lanes together; each has a machine, or none when there are no more."""
 
-    def __init__(self, integrator: Any, machines: _Machines, duration: float) -> None:
+    def __init__(self, integrator: Any, machines: _Machines, duration: float, tolerance: float) -> None:
         self.integrator = integrator
         self.machines = machines
         self.structure = machines.structure
         self.duration = duration
         self.state, self.pars = integrator.state, integrator.pars
-        n = len(machines.problems)
+        n = len(machines.mechanisms)
         self.waiting = iter(range(n))
         self.machine = [-1] * int(integrator.batch_size)
         self.releases = np.where(machines.released_at_start, 0.0, np.nan)

@@ -36,6 +36,7 @@ from ...models.kinematics import (
 from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
+from ...models.spec import as_complex
 
 Real = NDArray[np.floating[Any]]
 Complex = NDArray[np.complexfloating[Any, Any]]
@@ -150,7 +151,7 @@ def structure_of(problem: Problem, kinematics: Kinematics, present: NDArray[np.b
         carried=kinematics.carried,
         loop_rows=tuple(_row(closure) for closure in kinematics.loop_closures),
         gap_rows=tuple(_row(kinematics.gaps[name]) for name in relevant_stops(problem)),
-        springs=tuple(bool(spring.rest_length or spring.damping) for spring, _ in applied.springs),
+        springs=tuple(bool(np.any(spring.rest_length) or np.any(spring.damping)) for spring, _ in applied.springs),
         twists=tuple(_senses(angle) for _, angle in applied.rotational),
         closes=problem.stop_law is StopLaw.UNILATERAL,
         present=tuple(bool(flag) for flag in present),
@@ -169,8 +170,12 @@ def _senses(angle: AngleFunction) -> tuple[int, ...]:
 
 
 def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real:
-    """All numbers of a machine as one vector, computed in the precision asked for; order as in `Structure.sections`."""
+    """All numbers of a machine as one vector, computed in the precision asked for; order as in `Structure.sections`.
+
+    Of stacked machines (:mod:`...models.stacked`) one vector for each, shape (n, n_numbers).
+    """
     mechanism, applied = problem.mechanism, AppliedForces(kinematics)
+    machines, n_q = np.shape(mechanism.gravity), len(kinematics.is_angle)
     masses = kinematics.masses.astype(real)
     centres = _wide(kinematics.centres, real)
     gaps = [kinematics.gaps[name] for name in relevant_stops(problem)]
@@ -178,7 +183,7 @@ def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real
     lines = [function for function in constraints if isinstance(function, LineFunction)]
 
     def waves(rows: Sequence[ComplexArray], vectors: bool = False) -> Complex:
-        return _waves(_wide(_stacked(rows, kinematics), real), kinematics, vectors)
+        return _waves(_wide(_stacked(rows, (*machines, n_q)).swapaxes(-1, -2), real), kinematics, vectors)
 
     # The component across the launch direction is Im(e^{-i angle} v) = Re(-i e^{-i angle} v).
     lead = _wide(projectile_row(mechanism, kinematics).coefficients, real) * (np.exp(-1j * real(LAUNCH_ANGLE)) * -1j)
@@ -193,35 +198,44 @@ def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real
     )
     vectors = (
         waves([line.vector.coefficients for line in lines], vectors=True),
-        np.array([line.direction for line in lines], dtype=np.complex128),
-        np.array([line.vector.offset for line in lines], dtype=np.complex128),
+        _stacked([line.direction for line in lines], machines),
+        _stacked([line.vector.offset for line in lines], machines),
         waves([vector.coefficients for vector in springs], vectors=True),
-        np.array([vector.offset for vector in springs], dtype=np.complex128),
+        _stacked([vector.offset for vector in springs], machines),
     )
     # What is taken off the waves (or angles) of a gap.
     limits = [-gap.constant * (problem.stop_law is StopLaw.UNILATERAL) for gap in gaps]
     spring_data = [(spring.stiffness, spring.damping, spring.rest_length) for spring, _ in applied.springs]
     twist_data = [_twist(element, angle) for element, angle in applied.rotational]
-    parts = [_flat(section) for section in sections] + [np.array(limits)] + [_flat(section) for section in vectors]
-    parts += [np.array(data).reshape(-1, 3).T.ravel() for data in (spring_data, twist_data)]
-    return cast("Real", np.concatenate(parts).astype(real))
+    data = [number for each in (spring_data, twist_data) for row in zip(*each, strict=True) for number in row]
+    parts = [_parts(section, machines) for section in sections] + [_stacked(limits, machines).real]
+    parts += [_parts(section, machines) for section in vectors] + [_stacked(data, machines).real]
+    return cast("Real", np.concatenate(parts, axis=-1).astype(real))
 
 
-def _flat(section: Complex) -> Real:
-    return cast("Real", np.stack([section.real, section.imag]).ravel())
+def _parts(section: Complex, machines: tuple[int, ...]) -> Real:
+    """Real and imaginary parts, shape (..., 2 n)."""
+    flat = section.reshape(*machines, -1)
+    return np.concatenate([flat.real, flat.imag], axis=-1)
 
 
-def _stacked(rows: Sequence[ComplexArray], kinematics: Kinematics) -> ComplexArray:
-    return np.array(rows, dtype=np.complex128).reshape(len(rows), len(kinematics.is_angle))
+def _stacked(values: Sequence[complex | ComplexArray], shape: tuple[int, ...]) -> ComplexArray:
+    """Values, each of one shape or the same for all machines, along a last axis."""
+    columns = np.empty((*shape, len(values)), dtype=np.complex128)
+    for k, value in enumerate(values):
+        columns[..., k] = value
+    return columns
 
 
 def _pulls(centres: Complex, masses: Real, applied: AppliedForces, real: RealType) -> Complex:
     """Coefficients c of the weights and constant forces, whose generalized forces are Re(c w')."""
     mechanism = applied.kinematics.mechanism
-    direction = _wide(np.array(complex(*mechanism.gravity_direction).conjugate()), real)
-    pulls = (masses @ centres) * (direction * real(mechanism.gravity))
+    direction = _wide(np.array(as_complex(mechanism.gravity_direction)).conj(), real)
+    gravity = direction * np.asarray(mechanism.gravity, dtype=real)
+    pulls = (masses[..., None, :] @ centres)[..., 0, :] * gravity[..., None]
     for element, point in applied.forces:
-        pulls = pulls + _wide(complex(*element.force).conjugate() * point.coefficients, real)
+        force = np.array(as_complex(element.force)).conj()[..., None]
+        pulls = pulls + _wide(force * point.coefficients, real)
     return cast("Complex", pulls)
 
 
@@ -250,12 +264,14 @@ def _waves(rows: Complex, kinematics: Kinematics, vectors: bool = False) -> Comp
 
 def _products(centres: Complex, masses: Real, kinematics: Kinematics, real: RealType) -> Complex:
     """Upper triangle of C^H diag(m) C as waves: H_ij = conj(w'_i) K_ij w'_j."""
-    products = np.triu((centres.conj().T * masses) @ centres)
+    products = np.triu((centres.conj().swapaxes(-1, -2) * masses[..., None, :]) @ centres)
     n, carried = int(kinematics.is_angle.sum()), {k for k, _ in kinematics.carried}
-    products[:n, n:] *= 1j
-    level = [k for k in range(n, len(products)) if k not in carried]
-    products[np.ix_(level, level)] = products[np.ix_(level, level)].real
-    np.fill_diagonal(products, products.diagonal().real + kinematics.inertias.astype(real))
+    products[..., :n, n:] *= 1j
+    for k in (k for k in range(n, products.shape[-1]) if k not in carried):
+        level = [j for j in range(n, k + 1) if j not in carried]
+        products[..., level, k] = products[..., level, k].real
+    diagonal = np.einsum("...ii->...i", products)  # a view
+    diagonal[...] = diagonal.real + kinematics.inertias.astype(real)
     return cast("Complex", products)
 
 
@@ -263,7 +279,7 @@ def projectile_row(mechanism: Mechanism, kinematics: Kinematics) -> PointCoeffic
     """The projectile's position; zeros where a machine throws nothing."""
     projectile = mechanism.marker(PROJECTILE)
     if projectile is None:
-        return PointCoefficients(0j, np.zeros(len(kinematics.is_angle), dtype=np.complex128))
+        return PointCoefficients(0j, np.zeros_like(kinematics.centres[..., 0, :]))
     return kinematics.point(projectile.body, projectile.point)
 
 
