@@ -19,6 +19,7 @@ from trebucheck.comparisons.compare.study import Case, Comparison, compare_study
 from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.runs.metrics import measure
 from trebucheck.comparisons.runs.results import Metric, Outcome, Results, Run
+from trebucheck.comparisons.runs.runner import Worker, simulate_warm
 from trebucheck.comparisons.runs.store import Store
 from trebucheck.comparisons.runs.stretching import LIMIT, stretching_at
 from trebucheck.comparisons.runs.study import Study
@@ -268,7 +269,19 @@ def _without_times(results: Results) -> Results:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("third_party")
-def test_an_engine_that_never_ends_is_stopped() -> None:
+def test_an_engine_that_never_ends_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The limit is the run's alone: on a busy machine the reference and the model check may take as long."""
+    call = Worker.call
+
+    def patient(worker: Worker, function: Any, runner: Any, given: Any) -> Any:
+        limit = worker.timeout
+        worker.timeout = limit if function is simulate_warm else 600.0
+        try:
+            return call(worker, function, runner, given)
+        finally:
+            worker.timeout = limit
+
+    monkeypatch.setattr(Worker, "call", patient)
     comparison = _compare(engines=["sleeper"], isolate=True, timeout=1.0)
     (failed,) = comparison.results.runs
     assert failed.outcome is Outcome.FAILED
