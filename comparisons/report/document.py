@@ -19,6 +19,8 @@ from .numbers import format_value
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
+    from ...models.drawing.scene import Scene
+
 Mark = Literal["plain", "good", "bad", "warning", "muted", "strong"]
 Medium = Literal["any", "page", "terminal"]
 
@@ -247,6 +249,17 @@ class Figure(Placed):
 
 
 @dataclass(frozen=True)
+class Animation(Placed):
+    """Mechanisms in motion, with their runs over the reference; one is shown at a time."""
+
+    scenes: tuple[Scene, ...] | Callable[[], tuple[Scene, ...]]
+    """Or what makes them, for a page only."""
+    title: str = "Motion"
+    anchor: str = "motion"
+    medium: Medium = field(default="page", kw_only=True)
+
+
+@dataclass(frozen=True)
 class Code(Placed):
     """A text to copy, or data, as it is."""
 
@@ -264,7 +277,7 @@ class Fold(Placed):
     medium: Medium = field(default="page", kw_only=True)
 
 
-Block = Heading | Text | Listing | Tiles | Table | Figure | Code | Fold
+Block = Heading | Text | Listing | Tiles | Table | Figure | Animation | Code | Fold
 
 
 @dataclass(frozen=True)

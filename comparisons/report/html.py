@@ -12,7 +12,8 @@ from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from .document import Document, in_medium
+from ...models.drawing import animation
+from .document import Animation, Document, in_medium
 
 SIGNS = {"good": "✓", "bad": "✗", "warning": "!"}
 """Before what is marked so, for those who do not see the colour."""
@@ -21,8 +22,15 @@ SIGNS = {"good": "✓", "bad": "✗", "warning": "!"}
 def page(document: Document) -> str:
     """The whole page as HTML text, scripts and all."""
     return _template().render(
-        document=document, in_medium=in_medium, signs=SIGNS, embedded=_embedded, plotly=Markup(get_plotlyjs())
-    )
+        document=document, in_medium=in_medium, signs=SIGNS, embedded=_embedded, plotly=Markup(get_plotlyjs()),
+        animated=_animated, animation_assets=animation.assets,
+    )  # fmt: skip
+
+
+def _animated(block: Animation) -> Markup:
+    """An animation as HTML that needs the assets of animations on its page."""
+    scenes = block.scenes() if callable(block.scenes) else block.scenes
+    return animation.Animation(scenes, block.title).fragment(block.anchor)
 
 
 @cache

@@ -20,7 +20,7 @@ FRONT = [ROOT / "__init__.py", ROOT / "__main__.py", ROOT / "version.py"]
 RANKS: tuple[tuple[str, ...], ...] = (
     ("models",),
     ("models/problems",),
-    ("models/machines", "models/mjcf"),
+    ("models/machines", "models/mjcf", "models/drawing"),
     ("reference", "engines"),
     ("reference/taylor", "reference/throw", "engines/mujoco", "engines/pymunk", "engines/exudyn"),
     ("reference/certification",),

@@ -1,0 +1,1 @@
+"""Drawings of any mechanism from its description, still and moving."""

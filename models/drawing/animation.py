@@ -1,0 +1,153 @@
+"""An animation as HTML: the data of its scenes beside one script and one style sheet, which ask for nothing else.
+
+The script moves the points by the same rows as :class:`..kinematics.Kinematics`: position = offset + sum of
+coefficients times exp(-i q) (a slide: q, along a line that turns: q exp(-i q_c)).
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup
+
+from ..arrays import FloatArray
+from ..joints import FreeJoint
+from .events import Event
+from .scene import RunMotion, Scene
+from .shapes import MOVING, Drawing, Shape
+
+_DIGITS = 9  # of coefficients and sizes: more than a float32 has
+
+
+@dataclass(frozen=True)
+class Animation:
+    """One or several mechanisms in motion, of which one is shown at a time."""
+
+    scenes: Sequence[Scene]
+    title: str = "animation"
+    _cache: dict[str, str] = field(default_factory=dict[str, str], repr=False, compare=False)
+
+    def fragment(self, identity: str = "animation") -> Markup:
+        """HTML to be placed into a page that has :func:`assets`; `identity` is unique there."""
+        return Markup(_template("fragment.html.j2").render(animation=self, identity=identity, data=self._data))
+
+    def to_html(self) -> str:
+        """A page of its own."""
+        return _template("page.html.j2").render(animation=self, fragment=self.fragment(), assets=assets())
+
+    def _repr_html_(self) -> str:
+        """In a notebook: the page in a frame of its own."""
+        page = _template("frame.html.j2").render(page=self.to_html(), title=self.title)
+        return str(page)
+
+    @property
+    def _data(self) -> Markup:
+        """As JSON that may stand in a script element."""
+        if "data" not in self._cache:
+            text = json.dumps([scene_data(scene) for scene in self.scenes], separators=(",", ":"), allow_nan=False)
+            self._cache["data"] = text.replace("<", "\\u003c")
+        return Markup(self._cache["data"])
+
+
+@cache
+def assets() -> Markup:
+    """Style and script of all animations of a page."""
+    folder = files(__package__ or "").joinpath("assets")
+    style, script = (folder.joinpath(f"animation.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
+    return Markup(f"<style>\n{style}</style>\n<script>\n{script}</script>")
+
+
+@cache
+def _template(name: str) -> Any:
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return environment.from_string(files(__package__ or "").joinpath("assets", name).read_text(encoding="utf-8"))
+
+
+def scene_data(scene: Scene) -> dict[str, Any]:
+    """What the script draws a scene from; arrays in base64, little-endian, by frame."""
+    drawing, reference = scene.drawing, scene.reference
+    kinematics = drawing.kinematics
+    stops = [name for name in drawing.stops if name in reference.stop_torques]
+    joints = [j.name for j in drawing.mechanism.joints if _shows_force(scene, j.name) and not isinstance(j, FreeJoint)]
+    torques = [reference.stop_torque(name)[:, None] for name in stops]
+    return {
+        "name": scene.name,
+        "notes": scene.notes,
+        "t": _packed(scene.t, "<f8"),
+        "q": _packed(reference.q),
+        "width": len(drawing.mechanism.coordinates),
+        "angles": int(kinematics.is_angle.sum()),
+        "carried": kinematics.carried,
+        "points": _points(drawing),
+        "shapes": [_shape(shape) for shape in drawing.shapes],
+        "markers": drawing.markers,
+        "box": [_short(edge) for edge in drawing.box],
+        "size": _short(drawing.size),
+        "stops": [_stop(drawing, name) for name in stops],
+        "torques": _packed(np.hstack(torques)) if torques else "",
+        "joints": [[name, drawing.joints[name]] for name in joints],
+        "forces": _packed(np.hstack([reference.joint_reaction(name) for name in joints])) if joints else "",
+        "runs": [_run(run) for run in scene.runs],
+        "events": [_event(event) for event in scene.events],
+        "magnification": scene.magnification,
+        "down": drawing.mechanism.gravity_direction,
+    }
+
+
+def _shows_force(scene: Scene, joint: str) -> bool:
+    forces = scene.reference.joint_reactions.get(joint)
+    return forces is not None and bool(np.isfinite(forces).all()) and bool(np.any(forces))
+
+
+def _stop(drawing: Drawing, name: str) -> list[Any]:
+    stop = drawing.mechanism.stop(name)
+    return [name, *drawing.stops[name], stop.force_unit, getattr(stop, "sense", 0)]
+
+
+def _points(drawing: Drawing) -> list[list[Any]]:
+    """Of each point its offset x, y and triples of coordinate and coefficient."""
+    rows: list[list[Any]] = []
+    for row in drawing.rows:
+        terms = [(k, _short(c.real), _short(c.imag)) for k, c in enumerate(row.coefficients.tolist()) if c]
+        offset = complex(row.offset)
+        rows.append([_short(offset.real), _short(offset.imag), *(number for term in terms for number in term)])
+    return rows
+
+
+def _shape(shape: Shape) -> list[Any]:
+    path = [[_short(s), _short(aside)] for s, aside in shape.path]
+    return [shape.kind, shape.role, shape.points, _short(shape.size), path, shape.stop, int(shape.role in MOVING)]
+
+
+def _run(run: RunMotion) -> dict[str, Any]:
+    aside = {name: _packed(values) for name, values in run.aside.items()}
+    return {"name": run.name, "colour": run.colour, "dashed": run.dashed, "d": _packed(run.d), "aside": aside}
+
+
+def _event(event: Event) -> dict[str, Any]:
+    return {
+        "kind": event.kind,
+        "name": event.name,
+        "time": event.time,
+        "reference": event.reference,
+        "runs": event.runs,
+        "stop": event.stop,
+    }
+
+
+def _packed(values: FloatArray, kind: str = "<f4") -> str:
+    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode()
+
+
+def _short(number: float) -> float:
+    """To the digits that are drawn."""
+    return float(f"{number:.{_DIGITS}g}") if math.isfinite(number) else 0.0

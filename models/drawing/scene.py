@@ -1,0 +1,240 @@
+"""The data of an animation: a reference motion on a grid of frames, and what runs deviate from it by.
+
+A run's deviation is taken at the run's own samples, against the reference at the same instants, and is then
+interpolated linearly to the frames: of a deviation of 1e-12 m its digits are left, and no sample of an engine is
+mistaken for an error of interpolation.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from ..arrays import FloatArray
+from ..errors import InputError
+from ..trajectory import PointMotion, Trajectory
+from .draw import draw
+from .events import Event, events_of
+from .shapes import Drawing
+
+_FRAMES, _FEWEST = 220, 100
+_NUMBERS = 10_000  # of all frames together; a mechanism of many bodies has fewer frames
+_NEAR = 0.015  # parts of the end: about an event the frames are closer
+_MOST_EVENTS = 12  # about which they are
+_SAME = 1e-3  # a marker is where q puts it, if it is less than this share of its deviation away
+_ROUNDING = 1e-14  # of the size, below which a deviation is rounding
+
+States = Callable[[FloatArray], Trajectory]
+"""A motion at any times [s] up to its end."""
+
+
+@dataclass(frozen=True)
+class RunLook:
+    """A run to be shown beside the reference, and how."""
+
+    trajectory: Trajectory
+    colour: str
+    """As in CSS, '#1f77b4'."""
+    dashed: bool = False
+
+
+@dataclass(frozen=True)
+class RunMotion:
+    """How a run deviates from the reference, by frame; NaN after its end."""
+
+    name: str
+    colour: str
+    dashed: bool
+    d: FloatArray
+    """Of the coordinates, shape (n, n_q) [rad or m]."""
+    aside: Mapping[str, FloatArray]
+    """Marker's own position less that which its coordinates give, shape (n, 2) [m]; only markers that have it."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One mechanism in motion, with all its runs."""
+
+    name: str
+    drawing: Drawing
+    t: FloatArray
+    """Of the frames [s], shape (n,)."""
+    reference: Trajectory
+    """At the frames."""
+    runs: tuple[RunMotion, ...]
+    events: tuple[Event, ...]
+    notes: str = field(default="", kw_only=True)
+    """A sentence on what is seen, such as where the comparison ends."""
+
+    @property
+    def mechanism_title(self) -> str:
+        """Its name, as a title."""
+        return self.name.replace("-", " ")
+
+    @cached_property
+    def points(self) -> FloatArray:
+        """The reference's points [m], shape (n, n_points, 2)."""
+        return self.drawing.positions(self.reference.q)
+
+    def deviation(self, run: RunMotion) -> FloatArray:
+        """Of a run's points from the reference's [m], shape (n, n_points, 2)."""
+        deviation = self.drawing.deviations(self.reference.q, run.d)
+        for name, aside in run.aside.items():
+            deviation[:, self.drawing.markers[name]] += aside
+        return deviation
+
+    def error(self, run: RunMotion) -> FloatArray:
+        """Largest distance of any marker from the reference's [m], shape (n,)."""
+        markers = list(self.drawing.markers.values())
+        if not markers:
+            return np.full(len(self.t), np.nan)
+        return np.linalg.norm(self.deviation(run)[:, markers], axis=-1).max(axis=-1)
+
+    @cached_property
+    def magnification(self) -> int:
+        """The power of ten by which the largest deviation of any run is magnified to at most an eighth of the size."""
+        largest = max((float(np.nanmax(np.abs(self.deviation(run)))) for run in self.runs), default=0.0)
+        if not largest > 0:
+            return 0
+        return int(np.clip(np.floor(np.log10(self.drawing.size / 8 / largest)), 0, 8))
+
+
+def scene(
+    states: States | Trajectory,
+    runs: Mapping[str, RunLook] | None = None,
+    *,
+    end: float | None = None,
+    thrown: str | None = "projectile",
+    launch: float | None = None,
+    name: str = "",
+    notes: str = "",
+) -> Scene:
+    """The data of an animation.
+
+    Args:
+        states: the reference motion, at any times or as a trajectory.
+        runs: of engines on the same mechanism, by label.
+        end: of what is shown [s]; of a trajectory its own where left out.
+        thrown: marker whose launch is an event, where there is one of that name.
+        launch: the reference's [s]; found on its frames where left out.
+        name: of the mechanism, if another one than its own.
+        notes: a sentence below the picture.
+
+    Raises:
+        InputError: there is no end, or a run is of another mechanism.
+    """
+    runs = runs or {}
+    if isinstance(states, Trajectory):
+        end = float(states.t[-1]) if end is None else min(end, float(states.t[-1]))
+        states = resampled(states)
+    if end is None or not end > 0:
+        raise InputError(f"end = {end!r} s must be positive: an animation needs some time to show.")
+    first = states(np.array([0.0]))
+    for label, run in runs.items():
+        if run.trajectory.mechanism.coordinates != first.mechanism.coordinates:
+            raise InputError(f"run {label!r} is of another mechanism than the reference, and cannot be drawn over it.")
+    thrown = thrown if thrown in first.markers else None
+    t = _grid(end, _event_times(first, runs, end), len(first.q[0]) * (len(runs) + 1))
+    events = events_of(states(t), {label: run.trajectory for label, run in runs.items()}, end, thrown, launch)
+    if any(event.time not in t for event in events):  # launches and impacts of the reference are known only now
+        t = _grid(end, [event.time for event in events], len(first.q[0]) * (len(runs) + 1))
+    reference = states(t)
+    drawing = draw(first.mechanism, reference.q)
+    motions = tuple(_motion_of(label, run, states, drawing, t) for label, run in runs.items())
+    return Scene(name or first.mechanism.name, drawing, t, reference, motions, events, notes=notes)
+
+
+def _event_times(first: Trajectory, runs: Mapping[str, RunLook], end: float) -> list[float]:
+    """Releases and impacts of the reference [s]."""
+    times = [time for time in first.release_times.values() if time is not None]
+    return [time for time in (*times, *(time for time, _ in first.impacts)) if 0 < time <= end]
+
+
+def _grid(end: float, events: list[float], width: int) -> FloatArray:
+    """Times of the frames [s]: even, closer about events, and the events themselves.
+
+    Args:
+        end: of the grid [s].
+        events: [s].
+        width: numbers that a frame needs.
+    """
+    n = int(np.clip(_NUMBERS / width, _FEWEST, _FRAMES))
+    times = [np.linspace(0.0, end, n)]
+    near = events[:_MOST_EVENTS]
+    offsets = np.linspace(-1.0, 1.0, max(3, n // 5 // max(len(near), 1))) * _NEAR * end
+    times += [time + offsets for time in near]
+    grid = np.unique(np.clip(np.concatenate(times), 0.0, end))
+    grid = grid[np.concatenate([[True], np.diff(grid) > 1e-7 * end])]
+    grid[-1] = end
+    return np.unique(np.concatenate([grid, events[:100]]))
+
+
+def _motion_of(name: str, run: RunLook, states: States, drawing: Drawing, t: FloatArray) -> RunMotion:
+    trajectory = run.trajectory
+    samples = _around(trajectory.t, t)
+    reference = states(trajectory.t[samples])
+    d = trajectory.q[samples] - reference.q
+    shifts = drawing.deviations(reference.q, d)
+    aside: dict[str, FloatArray] = {}
+    for marker, index in drawing.markers.items():
+        if marker in trajectory.markers and marker in reference.markers:
+            own = trajectory.marker(marker).position[samples] - reference.marker(marker).position
+            beside = own - shifts[:, index]
+            distance, allowed = (np.linalg.norm(each, axis=1) for each in (beside, own))
+            if np.any(distance > np.maximum(_SAME * allowed, _ROUNDING * drawing.size)):
+                aside[marker] = _at(t, trajectory.t[samples], beside)
+    return RunMotion(name, run.colour, run.dashed, _at(t, trajectory.t[samples], d), aside)
+
+
+def _around(samples: FloatArray, t: FloatArray) -> list[int]:
+    """Indices of the samples on either side of each frame."""
+    after = np.searchsorted(samples, t)
+    found = np.unique(np.clip(np.concatenate([after - 1, after]), 0, len(samples) - 1))
+    return [int(i) for i in found if samples[i] <= t[-1] or not i or samples[i - 1] < t[-1]]
+
+
+def _at(t: FloatArray, samples: FloatArray, values: FloatArray) -> FloatArray:
+    """Values by columns, at the frames; NaN after the last sample."""
+    columns = [np.interp(t, samples, column, right=np.nan) for column in values.T]
+    if len(samples) and samples[-1] > t[-1] - 1e-9 * t[-1]:
+        columns = [np.interp(t, samples, column) for column in values.T]
+    return np.stack(columns, axis=1)
+
+
+def resampled(trajectory: Trajectory) -> States:
+    """A trajectory at any times: states by cubic pieces through coordinates and speeds, forces linearly."""
+    spline = CubicHermiteSpline(trajectory.t, trajectory.q, trajectory.u)
+
+    def at_q(marker: str, q: FloatArray) -> FloatArray:
+        found = next(each for each in trajectory.mechanism.markers if each.name == marker)
+        return trajectory.kinematics.position(trajectory.kinematics.point(found.body, found.point), q)
+
+    beside = {name: motion.position - at_q(name, trajectory.q) for name, motion in trajectory.markers.items()}
+
+    def linear(t: FloatArray, values: FloatArray) -> FloatArray:
+        if values.ndim == 1:
+            return np.interp(t, trajectory.t, values)
+        return np.stack([np.interp(t, trajectory.t, column) for column in values.T], axis=1)
+
+    def at(t: FloatArray) -> Trajectory:
+        t = np.clip(t, trajectory.t[0], trajectory.t[-1])
+        q, u = np.asarray(spline(t)), np.asarray(spline(t, 1))
+        markers = {
+            name: PointMotion(at_q(name, q) + linear(t, beside[name]), linear(t, motion.velocity))
+            for name, motion in trajectory.markers.items()
+        }
+        return dataclasses.replace(
+            trajectory, t=t, q=q, u=u, markers=markers,
+            kinetic_energy=linear(t, trajectory.kinetic_energy),
+            potential_energy=linear(t, trajectory.potential_energy),
+            stop_torques={name: linear(t, values) for name, values in trajectory.stop_torques.items()},
+            joint_reactions={name: linear(t, values) for name, values in trajectory.joint_reactions.items()},
+            joint_gaps={name: linear(t, values) for name, values in trajectory.joint_gaps.items()},
+        )  # fmt: skip
+
+    return at
