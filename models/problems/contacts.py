@@ -109,11 +109,7 @@ def _bouncing_duration(p: BouncingParameters) -> float:
 
 def _bouncing_figures(p: BouncingParameters) -> tuple[Figure, ...]:
     fall = p.speed / p.g
-    momentum = (1 + p.restitution) * p.mass * p.speed
-    common = (
-        Figure("first impact", fall, "s", 1e-12 * fall, lambda motion: motion.impacts[0][0]),
-        Figure("impulse of it", momentum, "N s", 1e-11 * momentum, lambda motion: motion.impacts[0][1]["floor"]),
-    )
+    common = _first_impact("floor", fall, (1 + p.restitution) * p.mass * p.speed)
     if p.restitution == 1:
         tenth = 19 * fall
         end, energy = _bouncing_duration(p), p.mass * p.g * p.height
@@ -124,6 +120,13 @@ def _bouncing_figures(p: BouncingParameters) -> tuple[Figure, ...]:
         )
     rest = Figure("rest", p.rest_time, "s", 1e-10 * max(1.0, p.rest_time), lambda motion: motion.rest_times["floor"][0])
     return (*common, rest)
+
+
+def _first_impact(stop: str, time: float, impulse: float) -> tuple[Figure, ...]:
+    return (
+        Figure("first impact", time, "s", 1e-12 * time, lambda motion: motion.impacts[0][0]),
+        Figure("impulse of it", impulse, "N s", 1e-11 * impulse, lambda motion: motion.impacts[0][1][stop]),
+    )
 
 
 def _stopped_pendulum(p: StoppedPendulumParameters) -> Mechanism:
@@ -190,15 +193,8 @@ def _falling_rod_figures(p: FallingRodParameters) -> tuple[Figure, ...]:
     # The blow on the right end turns the rod counterclockwise.
     spin = -momentum * p.length / 2 * math.cos(p.slope) / (p.mass * p.length**2 / 12)
     return (
-        Figure("first impact", fall, "s", 1e-12 * fall, lambda motion: motion.impacts[0][0]),
-        Figure("impulse of it", momentum, "N s", 1e-11 * momentum, lambda motion: motion.impacts[0][1]["right"]),
-        Figure(
-            "spin after it",
-            spin,
-            "rad/s",
-            1e-11 * abs(spin),
-            lambda motion: at(speed("a"), motion.impacts[0][0])(motion),
-        ),
+        *_first_impact("right", fall, momentum),
+        Figure("spin after it", spin, "rad/s", 1e-11 * abs(spin), lambda m: at(speed("a"), m.impacts[0][0])(m)),
     )
 
 

@@ -7,13 +7,13 @@ import math
 
 from pydantic import Field
 
-from ..joints import GROUND, PinJoint, PrismaticJoint, SlotJoint, WeldJoint
+from ..joints import GROUND, SlotJoint, WeldJoint
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import Positive, Real, Spec
-from . import pendulum_motion
 from .benchmark import Benchmark, Figure
-from .oscillators import disc
-from .readings import at, coordinate, crossing, energy_error, largest_error, period, speed
+from .parts import block, disc, pin, rail, rod
+from .pendulum_motion import Swing
+from .readings import at, coordinate, energy_error, largest_error, passage, speed
 from .single_freedom import time_between
 
 
@@ -41,11 +41,12 @@ class WeldedRodsParameters(Spec):
         return math.pi / 2 + cmath.phase(self.centre)
 
     @property
-    def omega(self) -> float:
-        """Of small swings [rad/s]."""
+    def swing(self) -> Swing:
+        """Its motion."""
         outer = self.length * abs(1 + 0.5 * cmath.exp(-1j * self.bend))
         inertia = self.mass * (self.length**2 / 3 + self.length**2 / 12 + outer**2)
-        return math.sqrt(2 * self.mass * self.g * abs(self.centre) / inertia)
+        omega = math.sqrt(2 * self.mass * self.g * abs(self.centre) / inertia)
+        return Swing("a", omega, self.amplitude, self.lowest)
 
 
 class InclineParameters(Spec):
@@ -127,15 +128,13 @@ class QuickReturnParameters(Spec):
 
 
 def _welded_rods(p: WeldedRodsParameters) -> Mechanism:
-    first = Body(name="upper", angle="a", mass=p.mass, centre=(p.length / 2, 0), inertia=p.mass * p.length**2 / 12)
-    second = Body(name="lower", mass=p.mass, centre=(p.length / 2, 0), inertia=p.mass * p.length**2 / 12)
     weld = WeldJoint(
         name="weld", parent="upper", child="lower", parent_point=(p.length, 0), child_point=(0, 0), angle=p.bend
     )
     return Mechanism(
         name="welded-rods",
-        bodies=(first, second),
-        joints=(PinJoint(name="pivot", parent=GROUND, child="upper", parent_point=(0, 0), child_point=(0, 0)), weld),
+        bodies=(rod("upper", "a", p.length, p.mass), rod("lower", None, p.length, p.mass)),
+        joints=(pin("pivot", GROUND, "upper"), weld),
         markers=(Marker(name="tip", body="lower", point=(p.length, 0)),),
         gravity=p.g,
         start=(p.lowest + p.amplitude,),
@@ -143,26 +142,18 @@ def _welded_rods(p: WeldedRodsParameters) -> Mechanism:
 
 
 def _welded_figures(p: WeldedRodsParameters) -> tuple[Figure, ...]:
-    exact, end, angle = pendulum_motion.swing_period(p.omega, p.amplitude), _welded_duration(p), coordinate("a")
-    path = largest_error(angle, lambda t: p.lowest + pendulum_motion.swing(p.omega, p.amplitude, t), end)
-    return (
-        Figure("period", exact, "s", 1e-11 * exact, period(angle, p.lowest, end)),
-        Figure("largest error of the angle", 0.0, "rad", 1e-10, path),
-    )
+    return p.swing.figures(_welded_duration(p), 1e-11 * p.swing.period, 1e-10)
 
 
 def _welded_duration(p: WeldedRodsParameters) -> float:
-    return 2.5 * pendulum_motion.swing_period(p.omega, p.amplitude)
+    return 2.5 * p.swing.period
 
 
 def _incline(p: InclineParameters) -> Mechanism:
-    rail = PrismaticJoint(
-        name="rail", child="block", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0), coordinate="x"
-    )
     return Mechanism(
         name="incline",
-        bodies=(Body(name="block", mass=p.mass, centre=(0, 0), inertia=0.01 * p.mass),),
-        joints=(rail,),
+        bodies=(block(p.mass),),
+        joints=(rail("rail", GROUND, "block", "x"),),
         markers=(Marker(name="block", body="block", point=(0, 0)),),
         gravity=p.g,
         gravity_direction=(math.sin(p.slope), -math.cos(p.slope)),
@@ -186,14 +177,11 @@ _INCLINE_DURATION = 3.0  # [s]
 
 
 def _bead(p: BeadParameters) -> Mechanism:
-    rod = PrismaticJoint(
-        name="rod", parent="arm", child="bead", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0), coordinate="r"
-    )
-    arm, pin = disc("arm", "a", 1.0, p.inertia)
+    arm, pivot = disc("arm", "a", 1.0, p.inertia)
     return Mechanism(
         name="bead",
         bodies=(arm, Body(name="bead", mass=p.mass, centre=(0, 0), inertia=0)),
-        joints=(pin, rod),
+        joints=(pivot, rail("rod", "arm", "bead", "r")),
         markers=(Marker(name="bead", body="bead", point=(0, 0)),),
         gravity=0,
         start=(0.0, p.start),
@@ -205,7 +193,7 @@ def _bead_figures(p: BeadParameters) -> tuple[Figure, ...]:
     end, r, exact = _bead_duration(p), coordinate("r"), p.passage
     turning = p.momentum / (p.inertia + p.mass * p.end**2)
     return (
-        Figure("passage of the end", exact, "s", 1e-11 * exact, lambda m: crossing(m, r, p.end, end), "quadrature"),
+        Figure("passage of the end", exact, "s", 1e-11 * exact, passage(r, p.end, end), "quadrature"),
         Figure("arm's speed then", turning, "rad/s", 1e-11 * max(1.0, abs(turning)), at(speed("a"), exact)),
     )
 
@@ -216,19 +204,13 @@ def _bead_duration(p: BeadParameters) -> float:
 
 def _quick_return(p: QuickReturnParameters) -> Mechanism:
     angle, slope = p.arm_angle(0.0)
-    crank = Body(name="crank", angle="a", mass=p.m_crank, centre=(p.crank / 2, 0), inertia=p.m_crank * p.crank**2 / 12)
-    arm = Body(name="arm", angle="b", mass=p.m_arm, centre=(p.arm / 2, 0), inertia=p.m_arm * p.arm**2 / 12)
     slot = SlotJoint(
         name="slot", parent="arm", child="crank", parent_point=(0, 0), child_point=(p.crank, 0), axis=(1, 0)
     )
     return Mechanism(
         name="quick-return",
-        bodies=(crank, arm),
-        joints=(
-            PinJoint(name="crank pivot", parent=GROUND, child="crank", parent_point=(0, 0), child_point=(0, 0)),
-            PinJoint(name="arm pivot", parent=GROUND, child="arm", parent_point=(0, -p.distance), child_point=(0, 0)),
-            slot,
-        ),
+        bodies=(rod("crank", "a", p.crank, p.m_crank), rod("arm", "b", p.arm, p.m_arm)),
+        joints=(pin("crank pivot", GROUND, "crank"), pin("arm pivot", GROUND, "arm", (0, -p.distance)), slot),
         markers=(Marker(name="tip", body="arm", point=(p.arm, 0)),),
         gravity=p.g,
         start=(0.0, angle),
@@ -241,8 +223,8 @@ def _quick_return_figures(p: QuickReturnParameters) -> tuple[Figure, ...]:
     half = time_between(0.0, math.pi, p.speed, p.inertia, p.potential)
     turn, scale = p.turn_time, p.inertia(0.0) * p.speed**2
     return (
-        Figure("time of a turn", turn, "s", 1e-11, lambda m: crossing(m, a, 2 * math.pi, end), "quadrature"),
-        Figure("time of the first half", half, "s", 1e-11, lambda m: crossing(m, a, math.pi, end), "quadrature"),
+        Figure("time of a turn", turn, "s", 1e-11, passage(a, 2 * math.pi, end), "quadrature"),
+        Figure("time of the first half", half, "s", 1e-11, passage(a, math.pi, end), "quadrature"),
         Figure("largest change of the energy", 0.0, "J", 1e-11 * max(1.0, scale), energy_error(end)),
     )
 
@@ -295,9 +277,4 @@ QUICK_RETURN = Benchmark(
     duration=_quick_return_duration,
     figures=_quick_return_figures,
 )
-ELEMENTS = (
-    QUICK_RETURN,
-    WELDED_RODS,
-    INCLINE,
-    BEAD,
-)
+ELEMENTS = (QUICK_RETURN, WELDED_RODS, INCLINE, BEAD)

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import cmath
 import math
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from pydantic import Field
 
 from ..arrays import FloatArray
 from ..force_elements import ConstantTorque, RotationalSpringDamper, SpringDamper
-from ..joints import GROUND, PinJoint, PrismaticJoint
-from ..mechanism import Body, Marker, Mechanism
+from ..joints import GROUND
+from ..mechanism import Marker, Mechanism
 from ..spec import NonNegative, Positive, Real, Spec
 from .benchmark import Benchmark, Figure
+from .parts import block, disc, rail
 from .readings import Quantity, at, coordinate, largest_error, period, speed
 
 _LINEAR = "linear equation of motion: Lord Rayleigh, The Theory of Sound (1877), Ch. III"
@@ -103,17 +106,14 @@ def _linear_duration(p: OscillatorParameters | TorsionParameters) -> float:
 
 
 def _oscillator(name: str, p: OscillatorParameters) -> Mechanism:
-    rail = PrismaticJoint(
-        name="rail", child="block", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0), coordinate="x"
-    )
     spring = SpringDamper(
         name="spring", body="block", point=(0, 0), relative_point=(-1, 0), stiffness=p.stiffness, damping=p.damping,
         rest_length=1,
     )  # fmt: skip
     return Mechanism(
         name=name,
-        bodies=(Body(name="block", mass=p.mass, centre=(0, 0), inertia=0.01 * p.mass),),
-        joints=(rail,),
+        bodies=(block(p.mass),),
+        joints=(rail("rail", GROUND, "block", "x"),),
         force_elements=(spring,),
         markers=(Marker(name="block", body="block", point=(0, 0)),),
         gravity=9.81,
@@ -130,12 +130,6 @@ def _linear_figures(p: OscillatorParameters | TorsionParameters, quantity: Quant
         final = rest + float(_decay(p.rates, p.start, np.array([end / 4]))[0])
         return (error, Figure("deflection after a quarter of the time", final, unit, 1e-11, at(quantity, end / 4)))
     return (error, Figure("period", end / _SPAN, "s", 1e-11 * end / _SPAN, period(quantity, rest, end)))
-
-
-def disc(name: str, angle: str, mass: float, inertia: float) -> tuple[Body, PinJoint]:
-    """A body that turns about its centre on the ground, and its pin."""
-    body = Body(name=name, angle=angle, mass=mass, centre=(0, 0), inertia=inertia)
-    return body, PinJoint(name=f"{name} pin", parent=GROUND, child=name, parent_point=(0, 0), child_point=(0, 0))
 
 
 def _torsion(p: TorsionParameters) -> Mechanism:
@@ -191,20 +185,18 @@ OSCILLATOR = Benchmark(
     text="block on a spring on a level rail",
     source=_LINEAR,
     parameters=OscillatorParameters,
-    build=lambda p: _oscillator("oscillator", p),
+    build=partial(_oscillator, "oscillator"),
     duration=_linear_duration,
     figures=lambda p: _linear_figures(p, coordinate("x"), 0.0),
 )
-DAMPED_OSCILLATOR = Benchmark(
+DAMPED_OSCILLATOR = replace(
+    OSCILLATOR,
     number="E02",
     name="damped-oscillator",
     tags=("tree", "spring", "damper", "prismatic", "closed-form"),
     text="block on a spring and a damper on a level rail",
-    source=_LINEAR,
     parameters=DampedOscillatorParameters,
-    build=lambda p: _oscillator("damped-oscillator", p),
-    duration=_linear_duration,
-    figures=lambda p: _linear_figures(p, coordinate("x"), 0.0),
+    build=partial(_oscillator, "damped-oscillator"),
 )
 TORSION_PENDULUM = Benchmark(
     number="E03",

@@ -8,11 +8,16 @@ trammel, a parallelogram's cranks) has the same.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ellipj, ellipkm1
 
 from ..arrays import FloatArray
+from .benchmark import Figure
+from .readings import coordinate, largest_error, period
+
+LOWEST = math.pi / 2  # [rad] angle of a link that hangs straight down
 
 
 def swing_period(omega: float, amplitude: float) -> float:
@@ -50,3 +55,34 @@ def turn(omega: float, top_speed: float, t: FloatArray) -> FloatArray:
     # From the lowest position it is 2 am(bottom t / 2); the quarter period of am is half a turn.
     _, _, _, amplitude = ellipj(bottom * (t - half) / 2.0, (2.0 * omega / bottom) ** 2)
     return np.asarray(2.0 * amplitude + math.pi, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Swing:
+    """The motion of what is let go from rest and moves like a pendulum."""
+
+    angle: str
+    """Name of the coordinate."""
+    omega: float
+    """Of small swings [rad/s]."""
+    amplitude: float
+    """From the lowest position [rad]."""
+    lowest: float = LOWEST
+    """The coordinate in the lowest position [rad]."""
+
+    @property
+    def period(self) -> float:
+        """[s]."""
+        return swing_period(self.omega, self.amplitude)
+
+    def at(self, t: FloatArray) -> FloatArray:
+        """The coordinate at times t [s], shape (n,) [rad]."""
+        return self.lowest + swing(self.omega, self.amplitude, t)
+
+    def figures(self, end: float, time_tolerance: float, angle_tolerance: float) -> tuple[Figure, ...]:
+        """Its period and its path up to `end` [s], with their tolerances [s, rad]."""
+        quantity = coordinate(self.angle)
+        return (
+            Figure("period", self.period, "s", time_tolerance, period(quantity, self.lowest, end)),
+            Figure("largest error of the angle", 0.0, "rad", angle_tolerance, largest_error(quantity, self.at, end)),
+        )

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from ..arrays import FloatArray
 from ..errors import SimulationError
 from ..trajectory import Trajectory
-from .benchmark import Motion
+from .benchmark import Condition, Motion
 
 _GRID = 500  # samples among which sign changes are looked for
 _SAMPLES = 400  # at which a motion is compared with a closed form
@@ -60,6 +60,11 @@ def crossing(motion: Motion, quantity: Quantity, level: float, until: float, cou
     return float(brentq(distance, times[i], times[i + 1], xtol=1e-15, rtol=1e-15))
 
 
+def passage(quantity: Quantity, level: float, until: float) -> Callable[[Motion], float]:
+    """When a quantity first passes a level [s]."""
+    return lambda motion: crossing(motion, quantity, level, until)
+
+
 def period(quantity: Quantity, level: float, until: float) -> Callable[[Motion], float]:
     """Time between a quantity's first and third passage of a level [s]: a period of an oscillation about it."""
     return lambda motion: crossing(motion, quantity, level, until, 3) - crossing(motion, quantity, level, until)
@@ -91,22 +96,26 @@ def energy_error(until: float) -> Callable[[Motion], float]:
     return read
 
 
-def marker_error(
-    name: str, exact: Callable[[FloatArray], FloatArray], until: float, samples: int, threshold: float
-) -> Callable[[Motion], float]:
-    """Root mean square of a marker's relative position error, as the MBS benchmark suite has it.
+def suite_condition(
+    name: str, length: float, angle: Callable[[FloatArray], FloatArray], until: float, samples: int
+) -> Condition:
+    """When the MBS benchmark suite takes a motion as of high precision: a marker's relative position error.
 
-    Each component is divided by its reference value, or by the threshold where that is larger.
+    It is the root mean square over the samples and components, each divided by its exact value, or by 1 mm where that
+    is larger.
 
     Args:
-        exact: of times [s], shape (n,), positions, shape (n, 2) [m].
-        threshold: least divisor [m].
+        name: of a marker that moves on a circle about the origin.
+        length: radius of the circle [m].
+        angle: of times [s], shape (n,), its exact angle, shape (n,) [rad].
+        until: end of the comparison [s].
     """
 
     def read(motion: Motion) -> float:
         times = np.linspace(0.0, until, samples + 1)[1:]
-        reference = exact(times)
-        errors = (motion.trajectory(times).marker(name).position - reference) / np.maximum(abs(reference), threshold)
+        exact = length * np.stack([np.cos(angle(times)), -np.sin(angle(times))], axis=1)
+        errors = (motion.trajectory(times).marker(name).position - exact) / np.maximum(abs(exact), 1e-3)
         return float(np.sqrt(np.mean(errors**2)))
 
-    return read
+    text = f"relative error of {name}'s position, RMS, threshold 1e-3 m ('high precision')"
+    return Condition(text, 1e-3, "", read)

@@ -12,10 +12,11 @@ from __future__ import annotations
 from pydantic import Field
 
 from ..force_elements import ConstantTorque, SpringDamper
-from ..joints import GROUND, PinJoint
+from ..joints import GROUND
 from ..mechanism import Body, Marker, Mechanism
 from ..spec import NonNegative, Positive, Real, Spec, Vector
 from .benchmark import Benchmark, Figure
+from .parts import pin
 from .readings import Quantity, at, coordinate
 
 _END = 0.03  # [s]
@@ -76,16 +77,16 @@ def _squeezer(p: SqueezerParameters) -> Mechanism:
         name="squeezer",
         bodies=_BODIES,
         joints=(
-            _pin("O", GROUND, "K1", (0, 0)),
-            _pin("F", "K1", "K2", (0.007, 0)),
-            _pin("B", GROUND, "K3", b),
-            _pin("A5", GROUND, "K5", a),
-            _pin("G", "K5", "K4", (0.04, 0)),
-            _pin("A7", GROUND, "K7", a),
-            _pin("H", "K7", "K6", (0, -0.04)),
-            _pin("E3", "K2", "K3", _E, (0, -0.035)),
-            _pin("E4", "K2", "K4", _E, (0, -0.02)),
-            _pin("E6", "K2", "K6", _E, (0.02, 0)),
+            pin("O", GROUND, "K1", (0, 0)),
+            pin("F", "K1", "K2", (0.007, 0)),
+            pin("B", GROUND, "K3", b),
+            pin("A5", GROUND, "K5", a),
+            pin("G", "K5", "K4", (0.04, 0)),
+            pin("A7", GROUND, "K7", a),
+            pin("H", "K7", "K6", (0, -0.04)),
+            pin("E3", "K2", "K3", _E, (0, -0.035)),
+            pin("E4", "K2", "K4", _E, (0, -0.02)),
+            pin("E6", "K2", "K6", _E, (0.02, 0)),
         ),
         force_elements=(spring, ConstantTorque(name="motor", body="K1", torque=-p.torque)),
         markers=(Marker(name="E", body="K2", point=_E), Marker(name="D", body="K3", point=d)),
@@ -99,10 +100,6 @@ _E = (-0.028, 0.0)
 
 def _body(number: int, mass: float, inertia: float, centre: Vector) -> Body:
     return Body(name=f"K{number}", angle=f"k{number}", mass=mass, centre=centre, inertia=inertia)
-
-
-def _pin(name: str, parent: str, child: str, at: Vector, on: Vector = (0, 0)) -> PinJoint:
-    return PinJoint(name=name, parent=parent, child=child, parent_point=at, child_point=on)
 
 
 _BODIES = (
