@@ -19,6 +19,7 @@ from .version import __version__
 
 if TYPE_CHECKING:
     from .comparisons.compare.study import compare
+    from .comparisons.diff.study import diff
     from .engines.protocol import Capabilities, Engine
     from .engines.registry import engine, engines
     from .models.errors import (
@@ -75,6 +76,7 @@ __all__ = [
     "__version__",
     "catapult",
     "compare",
+    "diff",
     "engine",
     "engines",
     "fixed",
@@ -91,6 +93,7 @@ _FORCE_ELEMENTS = ("ConstantForce", "ConstantTorque", "RotationalSpringDamper", 
 # Loaded when first asked for (PEP 562): `import trebucheck` stays quick and free of engines.
 _HOMES = {
     "compare": "comparisons.compare.study",
+    "diff": "comparisons.diff.study",
     "Capabilities": "engines.protocol",
     "Engine": "engines.protocol",
     "engine": "engines.registry",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -11,7 +12,7 @@ from typing import Annotated
 import typer
 
 from ..models.errors import SimulationError, TrebucheckError, shortened
-from . import catalogue, certify, data, problems, run, studies, throw
+from . import catalogue, certify, data, diff, problems, run, studies, throw
 from .output import printable
 
 app = typer.Typer(
@@ -32,6 +33,7 @@ app = typer.Typer(
 )
 for name, command in {
     "compare": studies.compare_command,
+    "diff": diff.diff_command,
     "explain": studies.explain_command,
     "run": run.run_command,
     "throw": throw.throw_command,
@@ -71,7 +73,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit code: 0, 1 (disagreement or a failed run), 2 (wrong input) or 130 (interrupted).
     """
     try:
-        code = app(args=arguments, prog_name="trebucheck", standalone_mode=False)
+        words = list(sys.argv[1:] if arguments is None else arguments)
+        code = app(args=words, prog_name="trebucheck", standalone_mode=False, obj=shlex.join(["trebucheck", *words]))
         sys.stdout.flush()
     except (TrebucheckError, MemoryError, OSError) as error:
         return _refused(_sentence(error), code=1 if isinstance(error, SimulationError) else 2)

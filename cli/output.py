@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+import shlex
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import typer
+
     from ..comparisons.report.document import Document
     from ..comparisons.runs.store import Store
     from ..comparisons.runs.study import Progress
@@ -42,6 +45,7 @@ def publish(
     *,
     store: Store | None = None,
     current: bool = False,
+    beside: Mapping[str, tuple[Path, str]] | None = None,
 ) -> None:
     """Write a command's data and page, each whole or not at all, and show the report with the paths.
 
@@ -50,7 +54,8 @@ def publish(
         page: path of the report as a page; None: the command has none.
         called: what the page is called in the closing line.
         store: of the runs; the report says how many of them were taken from it.
-        current: nothing is new since the page was written; if the same data are on disk, both are left as they are.
+        current: nothing is new since the page was written; if the same data are on disk, all are left as they are.
+        beside: further files by what they are called in the closing line, each with path and text.
 
     Raises:
         InputError: the folder cannot be written to.
@@ -58,15 +63,20 @@ def publish(
     from ..models.files import write_text
 
     path, text = data
+    others = {} if beside is None else dict(beside)
     report = _with_tally(report, store)
-    written = (page is None or page.is_file()) and path.is_file() and path.read_bytes() == text.encode()
+    files = [*([] if page is None else [page]), *(other for other, _ in others.values()), path]
+    written = all(file.is_file() for file in files) and path.read_bytes() == text.encode()
     if not (current and written):
         if page is not None:  # before the data: data on disk say that their page was written
             from ..comparisons.report import html
 
             write_text(page, html.page(report))
+        for other, content in others.values():
+            write_text(other, content)
         write_text(path, text)
-    show(report, **({} if page is None else {called: page}), Data=path)
+    named = {name: other for name, (other, _) in others.items()}
+    show(report, **({} if page is None else {called: page}), **named, Data=path)
 
 
 def _with_tally(report: Document, store: Store | None) -> Document:
@@ -84,6 +94,12 @@ def show(report: Document, **files: Path) -> None:
     if files:
         line = "   ".join(f"{name}: {printable(str(path))}" for name, path in files.items())
         terminal.console().print(f"\n{line}", soft_wrap=True, markup=False)
+
+
+def command_line(context: typer.Context) -> str | None:
+    """The command line that makes the same again; None where there was none."""
+    line = context.find_root().obj
+    return None if line is None else shlex.join(word for word in shlex.split(line) if word != "--resume")
 
 
 def printable(text: str) -> str:

@@ -29,6 +29,7 @@ Neighbours = Annotated[
 
 
 def compare_command(
+    context: typer.Context,
     models: options.Models = "fixed,rolling",
     engines: options.Engines = None,
     preset: options.Preset = "tuned,stock",
@@ -42,11 +43,12 @@ def compare_command(
     stop_law: options.StopLaw = None,
     resume: options.Resume = False,
     timeout: options.Timeout = 600.0,
-    out: Annotated[Path, options.out("Folder for report.html, results.json and trajectories.")] = Path("report"),
+    out: Annotated[Path, options.out("Folder for report, summary.md, results.json and trajectories.")] = Path("report"),
 ) -> None:
     """Run engines on machines, measure them against the reference and each other, and write the report.
 
-    Writes report.html (self-contained), results.json and one NetCDF file a run; prints the agreement table.
+    Writes report.html (self-contained), summary.md (for a pull request), results.json and one NetCDF file a run;
+    prints the agreement table.
     Ends with exit code 1 if a run disagrees, is not equivalent or failed, or if nothing was judged.
 
     Examples:
@@ -56,6 +58,8 @@ def compare_command(
     """
     from ..comparisons.compare.report import document
     from ..comparisons.compare.study import compare
+    from ..comparisons.compare.summary import summary
+    from ..comparisons.report import markdown
     from ..comparisons.runs.store import Store
     from ..models.files import refuse_unwritable
 
@@ -78,8 +82,16 @@ def compare_command(
             store=store,
             progress=lambda case, done, of: show(f"{case.model}: {case.label}", done, of),
         )
+    comparison = replace(comparison, results=comparison.results.made_by(output.command_line(context)))
     data = out / "results.json", comparison.results.to_json()
-    output.publish(data, document(comparison), out / "report.html", store=store, current=comparison.repeated)
+    output.publish(
+        data,
+        document(comparison),
+        out / "report.html",
+        store=store,
+        current=comparison.repeated,
+        beside={"Summary": (out / "summary.md", markdown.text(summary(comparison.results), signs=True))},
+    )
     if not comparison.passed:
         raise typer.Exit(1)
 

@@ -121,6 +121,8 @@ _QUANTITIES = (
     Quantity("joint force", "1", "joint_reaction_relative", judged="joint_reaction_max"),
     Quantity("energy", "1", "energy_drift", judged="energy_balance", short="energy", rank=3),
 )
+OVERVIEW = (_POSITION, *_QUANTITIES)
+"""One value of each quantity, whatever markers the mechanism has."""
 
 
 def quantities(machine: Machine) -> tuple[Quantity, ...]:
@@ -332,7 +334,7 @@ def _agreement(machine: Machine, runs: Iterable[Run]) -> Table:
         *differences(machine),
         Column("wall", "s", of=lambda run: "–" if run.wall_time is None else f"{run.wall_time:.2f}", rank=6),
         Column("steps", of=lambda run: run.steps, medium="page"),
-        Column("verdict", of=_verdict_cell, wrap=False, rank=0),
+        Column("verdict", of=verdict_cell, wrap=False, rank=0),
     )
     launch = "no launch"
     if machine.launch_time is not None and machine.launch_speed is not None:
@@ -340,7 +342,7 @@ def _agreement(machine: Machine, runs: Iterable[Run]) -> Table:
     return table(heads, runs, f"{machine.model}: largest differences to the reference ({launch})")
 
 
-def _verdict_cell(run: Run) -> Cell:
+def verdict_cell(run: Run) -> Cell:
     """The outcome, with how many of the judged quantities hold."""
     judged, held = len(run.judged), len(run.judged) - len(run.broken)
     counts = f" {held}/{judged}" if run.outcome in COMPARED else ""

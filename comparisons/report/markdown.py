@@ -1,53 +1,77 @@
-"""A document as Markdown: what a page has, without its plots."""
+"""A document as Markdown: what a page has, without its plots; folds are those of GitHub."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
-from .document import Block, Code, Document, Figure, Fold, Heading, Listing, Table, Text, Tiles, in_medium
+from .document import Block, Cell, Code, Document, Figure, Fold, Heading, Listing, Table, Text, Tiles, in_medium
+from .html import SIGNS
 
 
-def text(document: Document) -> str:
-    """The document; its title is a heading where it has one."""
+def text(document: Document, *, signs: bool = False) -> str:
+    """The document; its title is a heading where it has one.
+
+    Args:
+        signs: put the sign of its mark before each text and cell that has one.
+    """
     title = [f"# {document.title}"] if document.title else []
-    return "\n\n".join([*title, *_parts(document.blocks)]) + "\n"
+    return "\n\n".join([*title, *_parts(document.blocks, signs)]) + "\n"
 
 
-def _parts(blocks: Iterable[Block]) -> list[str]:
-    return [_part(block) for block in in_medium(blocks, "page")]
+def _parts(blocks: Iterable[Block], signs: bool) -> list[str]:
+    return [part for block in in_medium(blocks, "page") if (part := _part(block, signs))]
 
 
-def _part(block: Block) -> str:
+def _part(block: Block, signs: bool) -> str:
     match block:
         case Heading():
             part = f"{'#' * block.level} {block.text}"
         case Text():
-            part = _paragraph(block)
+            part = _paragraph(block, signs)
         case Listing():
-            part = "\n".join(f"{'1.' if block.ordered else '-'} {_paragraph(item)}" for item in block.items)
+            part = "\n".join(f"{'1.' if block.ordered else '-'} {_paragraph(item, signs)}" for item in block.items)
         case Tiles():
             part = ", ".join(f"**{tile.value}** {tile.label}" for tile in block.tiles)
         case Table():
-            part = _table(block)
+            part = _table(block, signs)
         case Code():
             part = f"{block.title}\n\n```\n{block.text.rstrip()}\n```"
         case Figure():
             part = f"**{block.title}** {block.caption}".rstrip()
         case Fold():
-            part = "\n\n".join([f"**{block.title}**", *_parts(block.blocks)])
+            inner = "\n\n".join(_parts(block.blocks, signs))
+            part = f"<details><summary>{_plain(block.title)}</summary>\n\n{inner}\n\n</details>"
     return part
 
 
-def _paragraph(block: Text) -> str:
-    return f"**{block.lead}** {block.text}" if block.lead else block.text
+def _paragraph(block: Text, signs: bool) -> str:
+    sign = _sign(block, signs and block.kind == "text")
+    return f"{sign}**{_plain(block.lead)}** {_plain(block.text)}" if block.lead else f"{sign}{_plain(block.text)}"
 
 
-def _table(block: Table) -> str:
+def _table(block: Table, signs: bool) -> str:
     titles = [column.heading for column in block.columns_in("page")]
-    rows = [[t for cell, span in cells for t in (cell.text, *[""] * (span - 1))] for _, cells in block.rows_in("page")]
-    caption = [f"**{block.caption}**", ""] if block.caption else []
+    rows = [
+        [text for cell, span in cells for text in (_signed(cell, signs), *[""] * (span - 1))]
+        for _, cells in block.rows_in("page")
+    ]
+    caption = [f"**{_plain(block.caption)}**", ""] if block.caption else []
     return "\n".join([*caption, _line(titles), "|---" * len(titles) + "|", *map(_line, rows)])
 
 
 def _line(cells: Iterable[str]) -> str:
-    return "| " + " | ".join(cell.replace("|", "\\|").replace("\n", " ") for cell in cells) + " |"
+    return "| " + " | ".join(_plain(cell).replace("|", "\\|") for cell in cells) + " |"
+
+
+def _signed(cell: Cell, signs: bool) -> str:
+    return _sign(cell, signs and bool(cell.text)) + cell.text
+
+
+def _sign(of: Text | Cell, shown: bool) -> str:
+    return f"{SIGNS[of.mark]} " if shown and of.mark in SIGNS else ""
+
+
+def _plain(text: str) -> str:
+    """On one line, and without tags: what an engine says is no HTML."""
+    return re.sub(r"<(?=[A-Za-z/!?])", "&lt;", " ".join(text.splitlines()))

@@ -23,6 +23,11 @@ class ResultFile(Spec):
     trebucheck_version: str
     python_version: str
     platform: str
+    command: str | None = Field(
+        default=None,
+        exclude_if=lambda value: value is None,
+        description="command line that makes it again; absent where Python made it",
+    )
 
     @classmethod
     def made_here(cls, **content: Any) -> Self:
@@ -32,6 +37,10 @@ class ResultFile(Spec):
         platform_name = f"{platform.system()} {platform.machine()}"
         python = platform.python_version()
         return cls(trebucheck_version=__version__, python_version=python, platform=platform_name, **content)
+
+    def made_by(self, command: str | None) -> Self:
+        """The same with the command line that makes it again."""
+        return self.model_copy(update={"command": command})
 
 
 class Outcome(StrEnum):

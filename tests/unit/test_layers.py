@@ -37,6 +37,7 @@ RANKS: tuple[tuple[str, ...], ...] = (
         "comparisons/recommend",
         "comparisons/throw",
     ),
+    ("comparisons/diff",),
     ("paper/evidence",),
     ("paper/identification", "paper/drag", "paper/sweep"),
     ("paper/design",),

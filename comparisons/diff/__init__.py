@@ -1,0 +1,1 @@
+"""`trebucheck diff`: two comparisons of the same mechanisms, what moved and what broke."""

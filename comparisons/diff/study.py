@@ -1,0 +1,472 @@
+"""Two comparisons of the same mechanisms: which verdicts broke or were mended, and which errors moved.
+
+Runs belong together by model, engine and preset, quantities by name and subject. An error is known no better than the
+reference is, and no better than its samples and the rounding of its own steps allow; less than what both results leave
+unknown is no movement. A movement beyond that counts from a factor on.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from ...models.errors import InputError
+from ...models.files import read_bytes
+from ..compare.study import Comparison
+from ..runs.quantities import QUANTITIES
+from ..runs.results import COMPARED, FORMAT, Diagnosis, Machine, Metric, Outcome, Results, Run
+from ..runs.study import REFERENCE
+
+FACTOR = 1.1
+"""Least factor of a movement: tables show errors with two digits, and a tenth is what their second digit tells."""
+_EPS = float(np.finfo(np.float64).eps)
+_SAME_END = 1e-6
+"""Of the end of a compared motion: largest errors up to ends that differ by less are those of the same motion."""
+_RANKS = {
+    Outcome.AGREES: 0,
+    Outcome.NOT_JUDGED: 1,
+    Outcome.DISAGREES: 2,
+    Outcome.NOT_EQUIVALENT: 3,
+    Outcome.FAILED: 4,
+}
+"""Of outcomes of engines that could run, the best first."""
+
+
+class Fate(StrEnum):
+    """What became of a run; the text is what tables show."""
+
+    SAME = "same verdict"
+    BETTER = "better"
+    WORSE = "worse"
+    FAILS = "fails"
+    """It did not fail before, or was not there."""
+    APPEARED = "appeared"
+    VANISHED = "vanished"
+    NOT_COMPARED = "not compared"
+
+
+@dataclass(frozen=True)
+class QuantityChange:
+    """One quantity of a run in both results; None where it has no such quantity."""
+
+    model: str
+    run: str
+    old: Metric | None
+    new: Metric | None
+    unknown: float
+    """What both results leave unknown of the difference of their errors, in the quantity's unit."""
+
+    @property
+    def either(self) -> Metric:
+        """The new one, if there is one: for name and unit."""
+        metric = self.new or self.old
+        assert metric is not None
+        return metric
+
+    @property
+    def broke(self) -> bool:
+        """A verdict that is worse now: it breaks its tolerance, or it held it and is judged no longer."""
+        return _verdict_rank(self.new) > _verdict_rank(self.old)
+
+    @property
+    def mended(self) -> bool:
+        """It holds its tolerance now, and was there and did not before."""
+        return self.old is not None and self.old.holds is not True and self.new is not None and self.new.holds is True
+
+    @property
+    def factor(self) -> float | None:
+        """New error over old one, errors below what is unknown taken as that; None where one of them has no value."""
+        old, new = _size(self.old), _size(self.new)
+        if old is None or new is None:
+            return None
+        least = max(old, self.unknown), max(new, self.unknown)
+        return 1.0 if least[0] == least[1] else least[1] / least[0] if least[0] else math.inf
+
+    @property
+    def bounded(self) -> bool:
+        """Whether one of the errors is below what is unknown, so that the factor is at least as far from one."""
+        return any((size or 0.0) < self.unknown for size in (_size(self.old), _size(self.new)))
+
+    def moved(self, factor: float) -> bool:
+        """Whether the error changed by more than what is unknown and by more than the factor, or has come or gone."""
+        old, new = _size(self.old), _size(self.new)
+        if old is None or new is None:
+            return (old is None) != (new is None)
+        ratio = self.factor or 0.0
+        return abs(new - old) > self.unknown and not 1 / factor <= ratio <= factor
+
+    @property
+    def distance(self) -> float:
+        """How far the worse of both errors is beyond its tolerance, as a factor; infinite for a missing event."""
+        return max(_excess(self.old), _excess(self.new))
+
+
+def _verdict_rank(metric: Metric | None) -> int:
+    return 1 if metric is None or metric.holds is None else 0 if metric.holds else 2
+
+
+def _size(metric: Metric | None) -> float | None:
+    return None if metric is None or metric.value is None else abs(metric.value)
+
+
+def _excess(metric: Metric | None) -> float:
+    if metric is None or metric.holds is None:
+        return 0.0
+    size = _size(metric)
+    return math.inf if size is None else size / metric.tolerance if metric.tolerance else math.inf
+
+
+@dataclass(frozen=True)
+class RunChange:
+    """A run in both results; None where it is not among them."""
+
+    old: Run | None
+    new: Run | None
+    reason: str = ""
+    """Why the two are not of the same motion, so that they are not compared; '' where they are."""
+    quantities: tuple[QuantityChange, ...] = ()
+
+    @property
+    def run(self) -> Run:
+        """The new one, if there is one: for its names."""
+        run = self.new or self.old
+        assert run is not None
+        return run
+
+    @property
+    def fate(self) -> Fate:
+        """What became of it."""
+        old, new = _rank(self.old), _rank(self.new)
+        if new is None:
+            return Fate.SAME if old is None else Fate.VANISHED
+        failed = new == _RANKS[Outcome.FAILED]
+        if old is None:
+            return Fate.FAILS if failed else Fate.APPEARED
+        if self.reason:
+            return Fate.NOT_COMPARED
+        if old == new:
+            return Fate.SAME
+        return Fate.BETTER if new < old else Fate.FAILS if failed else Fate.WORSE
+
+    @property
+    def diagnoses(self) -> tuple[Diagnosis, Diagnosis] | None:
+        """Both, where the two name another first quantity or other causes."""
+        if self.reason or self.old is None or self.new is None:
+            return None
+        old, new = self.old.diagnosis, self.new.diagnosis
+        return (old, new) if old and new and _named(old) != _named(new) else None
+
+    @property
+    def settings(self) -> dict[str, tuple[object, object]]:
+        """Options of the engine whose values differ, old and new."""
+        if self.old is None or self.new is None:
+            return {}
+        old, new = self.old.settings, self.new.settings
+        return {name: (old.get(name), new.get(name)) for name in {**old, **new} if old.get(name) != new.get(name)}
+
+
+def _rank(run: Run | None) -> int | None:
+    """Of its outcome; None for a run that is not there, or whose engine is not installed or not able to."""
+    return None if run is None else _RANKS.get(run.outcome)
+
+
+def _named(diagnosis: Diagnosis) -> tuple[str, ...]:
+    return diagnosis.leads, *(cause.name for cause in diagnosis.named)
+
+
+@dataclass(frozen=True)
+class ReferenceChange:
+    """A figure of the reference that moved by more than both results say it is uncertain by."""
+
+    model: str
+    name: str
+    unit: str
+    old: float | None
+    new: float | None
+    unknown: float
+    """Sum of both uncertainties."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """What changed from one comparison to another."""
+
+    old: Results = field(repr=False)
+    new: Results = field(repr=False)
+    factor: float
+    runs: tuple[RunChange, ...] = field(repr=False)
+    references: tuple[ReferenceChange, ...] = field(repr=False)
+
+    @cached_property
+    def broken(self) -> tuple[QuantityChange, ...]:
+        """Verdicts that are worse, the one farthest beyond its tolerance first."""
+        return self._sorted([each for each in self.quantities if each.broke])
+
+    @cached_property
+    def mended(self) -> tuple[QuantityChange, ...]:
+        """Verdicts that hold now, the one that was farthest beyond its tolerance first."""
+        return self._sorted([each for each in self.quantities if each.mended])
+
+    @cached_property
+    def moved(self) -> tuple[QuantityChange, ...]:
+        """Further errors that moved; first those that came, went or grew, the largest factor first."""
+        others = [q for q in self.quantities if q.moved(self.factor) and not q.broke and not q.mended]
+        return tuple(sorted(others, key=_growth, reverse=True))
+
+    @property
+    def quantities(self) -> tuple[QuantityChange, ...]:
+        """All that were compared."""
+        return tuple(quantity for run in self.runs for quantity in run.quantities)
+
+    @property
+    def versions(self) -> dict[str, tuple[str, str]]:
+        """Software whose versions differ, old and new."""
+        old, new = _versions(self.old), _versions(self.new)
+        return {name: (old[name], new[name]) for name in old if name in new and old[name] != new[name]}
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """What was asked for and judged otherwise, a sentence each."""
+        pairs = [(old, new) for old in self.old.machines for new in self.new.machines if old.model == new.model]
+        return tuple(sentence for old, new in pairs for sentence in _conditions(old, new))
+
+    def of_fate(self, *fates: Fate) -> tuple[RunChange, ...]:
+        """Runs of which one of these became."""
+        return tuple(each for each in self.runs if each.fate in fates)
+
+    @property
+    def compared(self) -> int:
+        """Number of runs that are in both and of the same motion."""
+        return sum(_rank(r.old) is not None and _rank(r.new) is not None and not r.reason for r in self.runs)
+
+    @property
+    def worse(self) -> bool:
+        """Something broke: a verdict, a run that is worse, fails or is gone, or the reference itself."""
+        return bool(self.broken or self.references or self.of_fate(Fate.WORSE, Fate.FAILS, Fate.VANISHED))
+
+    @property
+    def passed(self) -> bool:
+        """Nothing broke, and something was compared."""
+        return not self.worse and self.compared > 0
+
+    @property
+    def summary(self) -> str:
+        """One line: whether something broke, and how many of what changed."""
+        fates = Counter(each.fate for each in self.runs)
+        counts = [
+            (len(self.references), "figure of the reference moved", "figures of the reference moved"),
+            (fates[Fate.VANISHED], "run is gone", "runs are gone"),
+            (fates[Fate.FAILS], "run fails", "runs fail"),
+            (fates[Fate.WORSE], "run is worse", "runs are worse"),
+            (len(self.broken), "verdict broke", "verdicts broke"),
+            (len(self.mended), "verdict mended", "verdicts mended"),
+            (fates[Fate.BETTER], "run is better", "runs are better"),
+            (fates[Fate.APPEARED], "run appeared", "runs appeared"),
+            (fates[Fate.NOT_COMPARED], "run not compared", "runs not compared"),
+        ]
+        shown = [f"{number} {one if number == 1 else more}" for number, one, more in counts if number]
+        moved = f"{len(self.moved)} of {len(self.quantities)} errors moved by more than a factor {self.factor:g}"
+        head = "Something broke" if self.worse else "Nothing broke" if self.passed else "Nothing could be compared"
+        runs = f"{self.compared} run{'' if self.compared == 1 else 's'} compared"
+        return f"{head}: {', '.join([*shown, moved])}; {runs}."
+
+    def __str__(self) -> str:
+        return self.summary
+
+    @staticmethod
+    def _sorted(changes: Sequence[QuantityChange]) -> tuple[QuantityChange, ...]:
+        return tuple(sorted(changes, key=lambda each: each.distance, reverse=True))
+
+
+def _growth(change: QuantityChange) -> float:
+    return math.inf if change.factor is None else change.factor
+
+
+def diff(
+    old: Results | Comparison | str | Path, new: Results | Comparison | str | Path, factor: float = FACTOR
+) -> Difference:
+    """What moved and what broke from one comparison to another.
+
+    Args:
+        old, new: comparisons, their results, or paths of results.json or of the folders that hold it.
+        factor: least by which an error must change to have moved; above 1.
+
+    Raises:
+        InputError: a file is no comparison's of the current format, or the factor is not above 1.
+    """
+    if not (math.isfinite(factor) and factor > 1):
+        raise InputError(f"factor = {factor!r} must be a finite number above 1.")
+    before, after = _results(old), _results(new)
+    machines = [{machine.model: machine for machine in each.machines} for each in (before, after)]
+    runs = [_by_name(each) for each in (before, after)]
+    changes = (_run_change(runs[0].get(n), runs[1].get(n), *(m.get(n[0]) for m in machines)) for n in runs[0] | runs[1])
+    references = (
+        change
+        for model, machine in machines[0].items()
+        if model in machines[1] and not _unlike(machine, machines[1][model])
+        for change in _reference_changes(machine, machines[1][model])
+    )
+    return Difference(before, after, factor, tuple(changes), tuple(references))
+
+
+def _results(given: Results | Comparison | str | Path) -> Results:
+    if isinstance(given, Results):
+        return given
+    if isinstance(given, Comparison):
+        return given.results
+    path = Path(given)
+    path = path / "results.json" if path.is_dir() else path
+    _refuse_others(path)
+    results = Results.load(path)
+    twice = [name for name, number in Counter(map(_name, results.runs)).items() if number > 1]
+    if twice:
+        raise InputError(f"{path}: the run {', '.join(twice[0])} is there twice; once is needed.")
+    return results
+
+
+def _refuse_others(path: Path) -> None:
+    """Refuse a file of another kind or format in one sentence, before each of its fields has one of its own."""
+    try:
+        content = json.loads(read_bytes(path, Results.largest_file))
+    except (ValueError, RecursionError):
+        raise InputError(f"{path} is not JSON; the results.json of `trebucheck compare` is needed.") from None
+    found = content.get("format") if isinstance(content, dict) else None
+    if found != FORMAT:
+        has = "no format" if found is None else f"format {str(found)[:60]!r}"
+        raise InputError(f"{path} has {has}; a results.json of `trebucheck compare` has {FORMAT!r}: make it again.")
+
+
+def _name(run: Run) -> tuple[str, str, str]:
+    return run.model, run.engine, run.preset
+
+
+def _by_name(results: Results) -> dict[tuple[str, str, str], Run]:
+    return {_name(run): run for run in results.runs}
+
+
+def _versions(results: Results) -> dict[str, str]:
+    """Of everything that the results name."""
+    others = (run for run in results.runs if run.outcome is not Outcome.ABSENT and run.engine != REFERENCE)
+    engines = {run.engine: run.engine_version for run in others}
+    own = {"trebucheck": results.trebucheck_version, "Python": results.python_version, "platform": results.platform}
+    return {**own, **engines}
+
+
+def _unlike(old: Machine, new: Machine) -> str:
+    """Why motions of the two are not the same motion; '' where they are."""
+    if old.mechanism_hash != new.mechanism_hash:
+        return f"another mechanism: hash {old.mechanism_hash[:12]}, now {new.mechanism_hash[:12]}"
+    if old.thrown != new.thrown:
+        return f"another marker is launched: {old.thrown}, now {new.thrown}"
+    if not math.isclose(old.compared_to, new.compared_to, rel_tol=_SAME_END):
+        return f"another end of the motion: {old.compared_to:.6g} s, now {new.compared_to:.6g} s"
+    return ""
+
+
+def _conditions(old: Machine, new: Machine) -> Iterator[str]:
+    if old.needs != new.needs:
+        asked = [", ".join(f"{name} {text}" for name, text in each.needs.items()) or "none" for each in (old, new)]
+        yield f"{old.model}: tolerances asked for: {asked[0]}, now {asked[1]}."
+    if not _unlike(old, new) and not math.isclose(old.judged_to, new.judged_to, rel_tol=_SAME_END):
+        yield f"{old.model}: predictable, and so judged, to {old.judged_to:.6g} s, now to {new.judged_to:.6g} s."
+
+
+def _run_change(old: Run | None, new: Run | None, before: Machine | None, after: Machine | None) -> RunChange:
+    if old is None or new is None or before is None or after is None:
+        return RunChange(old, new)
+    reason = _unlike(before, after)
+    if reason or old.outcome not in COMPARED or new.outcome not in COMPARED:
+        return RunChange(old, new, reason)
+    labels = {(m.name, m.subject): None for m in (*old.metrics, *new.metrics)}
+    changes = (_quantity_change(name, subject, (old, before), (new, after)) for name, subject in labels)
+    own = [change for change in changes if change is not None]
+    return RunChange(old, new, reason, (*_model_checks(old, new), *own))
+
+
+def _quantity_change(
+    name: str, subject: str | None, old: tuple[Run, Machine], new: tuple[Run, Machine]
+) -> QuantityChange | None:
+    """Of a metric that stands for itself and was observed; None of another one."""
+    metrics = [run.metric(name, subject) for run, _ in (old, new)]
+    found = [metric for metric in metrics if metric is not None]
+    if any(metric.follows for metric in found) or not any(metric.observed for metric in found):
+        return None
+    unknown = sum(
+        _unknown(metric, run, machine) for metric, (run, machine) in zip(metrics, (old, new), strict=True) if metric
+    )
+    return QuantityChange(new[0].model, new[0].label, metrics[0], metrics[1], unknown)
+
+
+def _unknown(metric: Metric, run: Run, machine: Machine) -> float:
+    """What is not known of an error: by the reference's uncertainty, by the samples, and by rounding of the steps."""
+    known = machine.reference_uncertainty
+    uncertainty = known.get(metric.label, known.get(metric.name, 0.0))
+    return uncertainty + (metric.sampling_error or 0.0) + _rounding(metric, run, machine)
+
+
+def _rounding(metric: Metric, run: Run, machine: Machine) -> float:
+    """Rounding of one part of the scale in each step, random and so as the root of their number, carried on."""
+    quantity = QUANTITIES.get(metric.name)
+    if quantity is None or (quantity.scale in ("stop", "gap") and metric.subject not in machine.scales.torques):
+        return 0.0
+    scales = (machine.whole_scales if quantity.invariant else None) or machine.scales
+    scale = scales.largest_energy if quantity.scale == "energy" else None
+    scale = quantity.scale_of(scales, metric.subject, machine.mechanism) if scale is None else scale
+    return _EPS * math.sqrt(max(run.steps, 1)) * max(machine.stretching, 1.0) * scale
+
+
+def _model_checks(old: Run, new: Run) -> Iterator[QuantityChange]:
+    """The model-equivalence check as a quantity: its largest value, of its tolerance."""
+    checks = [_model_check(run) for run in (old, new)]
+    if checks[0] is not None or checks[1] is not None:
+        yield QuantityChange(new.model, new.label, checks[0], checks[1], math.inf)
+
+
+def _model_check(run: Run) -> Metric | None:
+    if run.equality is None or not run.equality.checks:
+        return None
+    values = [None if check.value is None else check.value / check.tolerance for check in run.equality.checks]
+    largest = None if None in values else max(value for value in values if value is not None)
+    return Metric(name="model equivalence", value=largest, unit="of its tolerance", tolerance=1.0)
+
+
+def _reference_changes(old: Machine, new: Machine) -> Iterator[ReferenceChange]:
+    """Of figures within what both judge."""
+    end = min(old.judged_to, new.judged_to) * (1 + _SAME_END)
+    for name, subject, unit in _figures(old, new):
+        before, after = (_figure(machine, name, subject, end) for machine in (old, new))
+        unknown = _reference_unknown(name, subject, old, before) + _reference_unknown(name, subject, new, after)
+        appeared = (before is None) != (after is None)
+        if appeared or (before is not None and after is not None and abs(after - before) > unknown):
+            label = name if subject is None else f"{name} ({subject})"
+            yield ReferenceChange(old.model, label, unit, before, after, unknown)
+    if old.impacts != new.impacts and old.compared_to <= end:
+        yield ReferenceChange(old.model, "impacts", "1", old.impacts, new.impacts, 0.0)
+
+
+def _figures(old: Machine, new: Machine) -> Iterator[tuple[str, str | None, str]]:
+    """Name, subject and unit."""
+    yield "launch_time", None, "s"
+    yield "launch_speed", None, "m/s"
+    yield from (("release_time", stop, "s") for stop in old.release_times if stop in new.release_times)
+
+
+def _figure(machine: Machine, name: str, subject: str | None, end: float) -> float | None:
+    """None for an event that is not there by the end."""
+    time = machine.launch_time if subject is None else machine.release_times[subject]
+    if time is None or time > end:
+        return None
+    return machine.launch_speed if name == "launch_speed" else time
+
+
+def _reference_unknown(name: str, subject: str | None, machine: Machine, value: float | None) -> float:
+    known = machine.reference_uncertainty
+    return known.get(f"{name} ({subject})", known.get(name, math.inf)) + _EPS * abs(value or 0.0)
