@@ -14,7 +14,8 @@ from . import options, output
 if TYPE_CHECKING:
     from ..comparisons.report.document import Document
 
-_FACTOR = 1.1
+FACTOR = 1.1
+"""As in the study, which is imported when the command runs."""
 _WIDTH = 120
 """Of a text file, in characters."""
 
@@ -36,7 +37,7 @@ def diff_command(
     new: _File,
     factor: Annotated[
         float, typer.Option("--factor", help="An error has moved if it changed by more than this factor; above 1.")
-    ] = _FACTOR,
+    ] = FACTOR,
     format: Annotated[
         Format | None, typer.Option("--format", help="Else by the name of --out; text by default.")
     ] = None,

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ..models.errors import InputError
 from . import options, output
+
+if TYPE_CHECKING:
+    from ..comparisons.compare.study import Comparison
+    from ..comparisons.runs.store import Store
 
 _NEIGHBOURS = 32
 
@@ -56,10 +60,7 @@ def compare_command(
 
     trebucheck compare --models fixed --engines mujoco,pymunk --preset tuned --timestep 1e-3 --set l1=9.5
     """
-    from ..comparisons.compare.report import document
     from ..comparisons.compare.study import compare
-    from ..comparisons.compare.summary import summary
-    from ..comparisons.report import markdown
     from ..comparisons.runs.store import Store
     from ..models.files import refuse_unwritable
 
@@ -82,18 +83,25 @@ def compare_command(
             store=store,
             progress=lambda case, done, of: show(f"{case.model}: {case.label}", done, of),
         )
-    comparison = replace(comparison, results=comparison.results.made_by(output.command_line(context)))
-    data = out / "results.json", comparison.results.to_json()
+    _publish(replace(comparison, results=comparison.results.made_by(output.command_line(context))), out, store)
+    if not comparison.passed:
+        raise typer.Exit(1)
+
+
+def _publish(comparison: Comparison, out: Path, store: Store) -> None:
+    """Data, page and summary of a comparison."""
+    from ..comparisons.compare.report import document
+    from ..comparisons.compare.summary import summary
+    from ..comparisons.report import markdown
+
     output.publish(
-        data,
+        (out / "results.json", comparison.results.to_json()),
         document(comparison),
         out / "report.html",
         store=store,
         current=comparison.repeated,
         beside={"Summary": (out / "summary.md", markdown.text(summary(comparison.results), signs=True))},
     )
-    if not comparison.passed:
-        raise typer.Exit(1)
 
 
 def converge_command(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 
 from ..compare.report import diagnosis
@@ -29,10 +29,12 @@ from ..report.document import (
 )  # fmt: skip
 from ..report.numbers import format_number, format_step
 from ..runs.results import Metric, Run
-from .study import Difference, Fate, QuantityChange, RunChange
+from .changes import Difference, Fate, QuantityChange, RunChange
 
 _SHOWN = 20
 """Rows of a table that are shown at once."""
+_NAMED = 4
+"""Runs whose names are shown with a change of an option."""
 _SAME_TOLERANCE = 1e-6
 """Of a tolerance: it follows from scales of the reference, which may differ by rounding."""
 _MARKS: dict[Fate, Mark] = {
@@ -113,8 +115,8 @@ def _runs(found: Difference) -> Iterator[Block]:
         yield Heading(f"Runs that changed ({len(fates)})", 2, medium="any")
         yield table(_heads(*heads), map(_fate_row, fates), "Verdicts of whole runs, old and new")
     if counted:
-        yield Heading("How much changed in each run", 2)
-        yield table(_heads(_COUNTS, words("largest growth")), counted, "Numbers of quantities", "page")
+        yield Heading("How much changed in each run", 2, medium="any")
+        yield table(_heads(_COUNTS, words("largest growth")), counted, "Numbers of quantities")
 
 
 def _heads(titles: str, *more: Column) -> list[Column | str]:
@@ -241,20 +243,18 @@ def _reasons(found: Difference) -> Iterator[Block]:
 
 
 def _diagnoses(found: Difference) -> Iterator[Block]:
-    """Runs that disagreed before, and do so now for other causes."""
+    """Runs that disagreed before, and do so now in another quantity or for other causes."""
     changed = [(each.run, each.diagnoses) for each in found.runs if each.diagnoses is not None]
-    if changed:
-        rows = [(run.model, run.label, *map(cause, both)) for run, both in changed if both]
+    texts = [(f"{run.model}, {run.label}:", [cause(each) for each in both]) for run, both in changed if both]
+    if texts:
         yield Heading("Diagnoses that changed", 2, medium="any")
-        yield table(
-            _heads("machine | engine", words("old"), words("new")), rows, "What a run differs in first, and why"
-        )
+        yield Listing(tuple(Text(f"was {old}; is {new}.", lead=lead) for lead, (old, new) in texts))
 
 
 def _conditions(found: Difference) -> Iterator[Block]:
     """Settings, tolerances asked for and horizons that are others: a change of ours, not of an engine."""
-    sentences = [*found.conditions, *(text for each in found.runs for text in _settings(each))]
-    loosened = sum(_looser(change) for change in found.quantities)
+    sentences = [*found.conditions, *_settings(found.runs)]
+    loosened = sum(map(_looser, found.quantities))
     if loosened:
         sentences.append(f"Tolerances of {loosened} of {len(found.quantities)} quantities are looser now.")
     if sentences:
@@ -262,10 +262,16 @@ def _conditions(found: Difference) -> Iterator[Block]:
         yield Listing(tuple(map(Text, sentences)))
 
 
-def _settings(each: RunChange) -> Iterator[str]:
-    changes = ", ".join(f"{name} {_setting(old)} → {_setting(new)}" for name, (old, new) in each.settings.items())
-    if changes:
-        yield f"{each.run.model}, {each.run.label}: {changes}."
+def _settings(runs: Iterable[RunChange]) -> Iterator[str]:
+    """Each change of an option, with the runs that it is in."""
+    changed: dict[str, list[str]] = {}
+    for each in runs:
+        for name, (old, new) in each.settings.items():
+            line = f"{name} {_setting(old)} → {_setting(new)}"
+            changed.setdefault(line, []).append(f"{each.run.model}, {each.run.label}")
+    for line, names in changed.items():
+        more = f" and {len(names) - _NAMED} more runs" if len(names) > _NAMED else ""
+        yield f"{line}: {'; '.join(names[:_NAMED])}{more}."
 
 
 def _setting(value: object) -> str:

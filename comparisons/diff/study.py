@@ -10,10 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from enum import StrEnum
-from functools import cached_property
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -22,272 +19,14 @@ from ...models.errors import InputError
 from ...models.files import read_bytes
 from ..compare.study import Comparison
 from ..runs.quantities import QUANTITIES
-from ..runs.results import COMPARED, FORMAT, Diagnosis, Machine, Metric, Outcome, Results, Run
-from ..runs.study import REFERENCE
+from ..runs.results import COMPARED, FORMAT, Machine, Metric, Outcome, Results, Run
+from .changes import Difference, QuantityChange, ReferenceChange, RunChange
 
 FACTOR = 1.1
 """Least factor of a movement: tables show errors with two digits, and a tenth is what their second digit tells."""
 _EPS = float(np.finfo(np.float64).eps)
 _SAME_END = 1e-6
 """Of the end of a compared motion: largest errors up to ends that differ by less are those of the same motion."""
-_RANKS = {
-    Outcome.AGREES: 0,
-    Outcome.NOT_JUDGED: 1,
-    Outcome.DISAGREES: 2,
-    Outcome.NOT_EQUIVALENT: 3,
-    Outcome.FAILED: 4,
-}
-"""Of outcomes of engines that could run, the best first."""
-
-
-class Fate(StrEnum):
-    """What became of a run; the text is what tables show."""
-
-    SAME = "same verdict"
-    BETTER = "better"
-    WORSE = "worse"
-    FAILS = "fails"
-    """It did not fail before, or was not there."""
-    APPEARED = "appeared"
-    VANISHED = "vanished"
-    NOT_COMPARED = "not compared"
-
-
-@dataclass(frozen=True)
-class QuantityChange:
-    """One quantity of a run in both results; None where it has no such quantity."""
-
-    model: str
-    run: str
-    old: Metric | None
-    new: Metric | None
-    unknown: float
-    """What both results leave unknown of the difference of their errors, in the quantity's unit."""
-
-    @property
-    def either(self) -> Metric:
-        """The new one, if there is one: for name and unit."""
-        metric = self.new or self.old
-        assert metric is not None
-        return metric
-
-    @property
-    def broke(self) -> bool:
-        """A verdict that is worse now: it breaks its tolerance, or it held it and is judged no longer."""
-        return _verdict_rank(self.new) > _verdict_rank(self.old)
-
-    @property
-    def mended(self) -> bool:
-        """It holds its tolerance now, and was there and did not before."""
-        return self.old is not None and self.old.holds is not True and self.new is not None and self.new.holds is True
-
-    @property
-    def factor(self) -> float | None:
-        """New error over old one, errors below what is unknown taken as that; None where one of them has no value."""
-        old, new = _size(self.old), _size(self.new)
-        if old is None or new is None:
-            return None
-        least = max(old, self.unknown), max(new, self.unknown)
-        return 1.0 if least[0] == least[1] else least[1] / least[0] if least[0] else math.inf
-
-    @property
-    def bounded(self) -> bool:
-        """Whether one of the errors is below what is unknown, so that the factor is at least as far from one."""
-        return any((size or 0.0) < self.unknown for size in (_size(self.old), _size(self.new)))
-
-    def moved(self, factor: float) -> bool:
-        """Whether the error changed by more than what is unknown and by more than the factor, or has come or gone."""
-        old, new = _size(self.old), _size(self.new)
-        if old is None or new is None:
-            return (old is None) != (new is None)
-        ratio = self.factor or 0.0
-        return abs(new - old) > self.unknown and not 1 / factor <= ratio <= factor
-
-    @property
-    def distance(self) -> float:
-        """How far the worse of both errors is beyond its tolerance, as a factor; infinite for a missing event."""
-        return max(_excess(self.old), _excess(self.new))
-
-
-def _verdict_rank(metric: Metric | None) -> int:
-    return 1 if metric is None or metric.holds is None else 0 if metric.holds else 2
-
-
-def _size(metric: Metric | None) -> float | None:
-    return None if metric is None or metric.value is None else abs(metric.value)
-
-
-def _excess(metric: Metric | None) -> float:
-    if metric is None or metric.holds is None:
-        return 0.0
-    size = _size(metric)
-    return math.inf if size is None else size / metric.tolerance if metric.tolerance else math.inf
-
-
-@dataclass(frozen=True)
-class RunChange:
-    """A run in both results; None where it is not among them."""
-
-    old: Run | None
-    new: Run | None
-    reason: str = ""
-    """Why the two are not of the same motion, so that they are not compared; '' where they are."""
-    quantities: tuple[QuantityChange, ...] = ()
-
-    @property
-    def run(self) -> Run:
-        """The new one, if there is one: for its names."""
-        run = self.new or self.old
-        assert run is not None
-        return run
-
-    @property
-    def fate(self) -> Fate:
-        """What became of it."""
-        old, new = _rank(self.old), _rank(self.new)
-        if new is None:
-            return Fate.SAME if old is None else Fate.VANISHED
-        failed = new == _RANKS[Outcome.FAILED]
-        if old is None:
-            return Fate.FAILS if failed else Fate.APPEARED
-        if self.reason:
-            return Fate.NOT_COMPARED
-        if old == new:
-            return Fate.SAME
-        return Fate.BETTER if new < old else Fate.FAILS if failed else Fate.WORSE
-
-    @property
-    def diagnoses(self) -> tuple[Diagnosis, Diagnosis] | None:
-        """Both, where the two name another first quantity or other causes."""
-        if self.reason or self.old is None or self.new is None:
-            return None
-        old, new = self.old.diagnosis, self.new.diagnosis
-        return (old, new) if old and new and _named(old) != _named(new) else None
-
-    @property
-    def settings(self) -> dict[str, tuple[object, object]]:
-        """Options of the engine whose values differ, old and new."""
-        if self.old is None or self.new is None:
-            return {}
-        old, new = self.old.settings, self.new.settings
-        return {name: (old.get(name), new.get(name)) for name in {**old, **new} if old.get(name) != new.get(name)}
-
-
-def _rank(run: Run | None) -> int | None:
-    """Of its outcome; None for a run that is not there, or whose engine is not installed or not able to."""
-    return None if run is None else _RANKS.get(run.outcome)
-
-
-def _named(diagnosis: Diagnosis) -> tuple[str, ...]:
-    return diagnosis.leads, *(cause.name for cause in diagnosis.named)
-
-
-@dataclass(frozen=True)
-class ReferenceChange:
-    """A figure of the reference that moved by more than both results say it is uncertain by."""
-
-    model: str
-    name: str
-    unit: str
-    old: float | None
-    new: float | None
-    unknown: float
-    """Sum of both uncertainties."""
-
-
-@dataclass(frozen=True)
-class Difference:
-    """What changed from one comparison to another."""
-
-    old: Results = field(repr=False)
-    new: Results = field(repr=False)
-    factor: float
-    runs: tuple[RunChange, ...] = field(repr=False)
-    references: tuple[ReferenceChange, ...] = field(repr=False)
-
-    @cached_property
-    def broken(self) -> tuple[QuantityChange, ...]:
-        """Verdicts that are worse, the one farthest beyond its tolerance first."""
-        return self._sorted([each for each in self.quantities if each.broke])
-
-    @cached_property
-    def mended(self) -> tuple[QuantityChange, ...]:
-        """Verdicts that hold now, the one that was farthest beyond its tolerance first."""
-        return self._sorted([each for each in self.quantities if each.mended])
-
-    @cached_property
-    def moved(self) -> tuple[QuantityChange, ...]:
-        """Further errors that moved; first those that came, went or grew, the largest factor first."""
-        others = [q for q in self.quantities if q.moved(self.factor) and not q.broke and not q.mended]
-        return tuple(sorted(others, key=_growth, reverse=True))
-
-    @property
-    def quantities(self) -> tuple[QuantityChange, ...]:
-        """All that were compared."""
-        return tuple(quantity for run in self.runs for quantity in run.quantities)
-
-    @property
-    def versions(self) -> dict[str, tuple[str, str]]:
-        """Software whose versions differ, old and new."""
-        old, new = _versions(self.old), _versions(self.new)
-        return {name: (old[name], new[name]) for name in old if name in new and old[name] != new[name]}
-
-    @property
-    def conditions(self) -> tuple[str, ...]:
-        """What was asked for and judged otherwise, a sentence each."""
-        pairs = [(old, new) for old in self.old.machines for new in self.new.machines if old.model == new.model]
-        return tuple(sentence for old, new in pairs for sentence in _conditions(old, new))
-
-    def of_fate(self, *fates: Fate) -> tuple[RunChange, ...]:
-        """Runs of which one of these became."""
-        return tuple(each for each in self.runs if each.fate in fates)
-
-    @property
-    def compared(self) -> int:
-        """Number of runs that are in both and of the same motion."""
-        return sum(_rank(r.old) is not None and _rank(r.new) is not None and not r.reason for r in self.runs)
-
-    @property
-    def worse(self) -> bool:
-        """Something broke: a verdict, a run that is worse, fails or is gone, or the reference itself."""
-        return bool(self.broken or self.references or self.of_fate(Fate.WORSE, Fate.FAILS, Fate.VANISHED))
-
-    @property
-    def passed(self) -> bool:
-        """Nothing broke, and something was compared."""
-        return not self.worse and self.compared > 0
-
-    @property
-    def summary(self) -> str:
-        """One line: whether something broke, and how many of what changed."""
-        fates = Counter(each.fate for each in self.runs)
-        counts = [
-            (len(self.references), "figure of the reference moved", "figures of the reference moved"),
-            (fates[Fate.VANISHED], "run is gone", "runs are gone"),
-            (fates[Fate.FAILS], "run fails", "runs fail"),
-            (fates[Fate.WORSE], "run is worse", "runs are worse"),
-            (len(self.broken), "verdict broke", "verdicts broke"),
-            (len(self.mended), "verdict mended", "verdicts mended"),
-            (fates[Fate.BETTER], "run is better", "runs are better"),
-            (fates[Fate.APPEARED], "run appeared", "runs appeared"),
-            (fates[Fate.NOT_COMPARED], "run not compared", "runs not compared"),
-        ]
-        shown = [f"{number} {one if number == 1 else more}" for number, one, more in counts if number]
-        moved = f"{len(self.moved)} of {len(self.quantities)} errors moved by more than a factor {self.factor:g}"
-        head = "Something broke" if self.worse else "Nothing broke" if self.passed else "Nothing could be compared"
-        runs = f"{self.compared} run{'' if self.compared == 1 else 's'} compared"
-        return f"{head}: {', '.join([*shown, moved])}; {runs}."
-
-    def __str__(self) -> str:
-        return self.summary
-
-    @staticmethod
-    def _sorted(changes: Sequence[QuantityChange]) -> tuple[QuantityChange, ...]:
-        return tuple(sorted(changes, key=lambda each: each.distance, reverse=True))
-
-
-def _growth(change: QuantityChange) -> float:
-    return math.inf if change.factor is None else change.factor
 
 
 def diff(
@@ -306,15 +45,15 @@ def diff(
         raise InputError(f"factor = {factor!r} must be a finite number above 1.")
     before, after = _results(old), _results(new)
     machines = [{machine.model: machine for machine in each.machines} for each in (before, after)]
-    runs = [_by_name(each) for each in (before, after)]
-    changes = (_run_change(runs[0].get(n), runs[1].get(n), *(m.get(n[0]) for m in machines)) for n in runs[0] | runs[1])
-    references = (
-        change
-        for model, machine in machines[0].items()
-        if model in machines[1] and not _unlike(machine, machines[1][model])
-        for change in _reference_changes(machine, machines[1][model])
+    names = {_name(run): None for run in (*before.runs, *after.runs)}
+    pairs = [(machine, machines[1][model]) for model, machine in machines[0].items() if model in machines[1]]
+    return Difference(
+        factor=factor,
+        runs=tuple(_run_change(_run(before, n), _run(after, n), *(m.get(n[0]) for m in machines)) for n in names),
+        references=tuple(change for pair in pairs if not _unlike(*pair) for change in _reference_changes(*pair)),
+        versions=_versions(before, after),
+        conditions=tuple(sentence for pair in pairs for sentence in _conditions(*pair)),
     )
-    return Difference(before, after, factor, tuple(changes), tuple(references))
 
 
 def _results(given: Results | Comparison | str | Path) -> Results:
@@ -334,8 +73,9 @@ def _results(given: Results | Comparison | str | Path) -> Results:
 
 def _refuse_others(path: Path) -> None:
     """Refuse a file of another kind or format in one sentence, before each of its fields has one of its own."""
+    text = read_bytes(path, Results.largest_file)
     try:
-        content = json.loads(read_bytes(path, Results.largest_file))
+        content = json.loads(text)
     except (ValueError, RecursionError):
         raise InputError(f"{path} is not JSON; the results.json of `trebucheck compare` is needed.") from None
     found = content.get("format") if isinstance(content, dict) else None
@@ -348,16 +88,20 @@ def _name(run: Run) -> tuple[str, str, str]:
     return run.model, run.engine, run.preset
 
 
-def _by_name(results: Results) -> dict[tuple[str, str, str], Run]:
-    return {_name(run): run for run in results.runs}
+def _run(results: Results, name: tuple[str, str, str]) -> Run | None:
+    return next((run for run in results.runs if _name(run) == name), None)
 
 
-def _versions(results: Results) -> dict[str, str]:
+def _versions(old: Results, new: Results) -> dict[str, tuple[str, str]]:
+    before, after = _all_versions(old), _all_versions(new)
+    return {name: (v, after[name]) for name, v in before.items() if after.get(name, v) != v}
+
+
+def _all_versions(results: Results) -> dict[str, str]:
     """Of everything that the results name."""
-    others = (run for run in results.runs if run.outcome is not Outcome.ABSENT and run.engine != REFERENCE)
-    engines = {run.engine: run.engine_version for run in others}
+    engines = {run.engine: run.engine_version for run in results.runs if run.outcome is not Outcome.ABSENT}
     own = {"trebucheck": results.trebucheck_version, "Python": results.python_version, "platform": results.platform}
-    return {**own, **engines}
+    return own | engines
 
 
 def _unlike(old: Machine, new: Machine) -> str:

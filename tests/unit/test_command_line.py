@@ -127,6 +127,8 @@ def test_compare_writes_all_and_ends_well(tmp_path: Path, capsys: pytest.Capture
     assert [run.label for run in results.runs] == ["reference tuned", "reference stock"]
     page = (out / "report.html").read_text()
     assert "Fixed machine" in page
+    assert results.command == f"trebucheck compare --engine reference --model fixed --out {out}"
+    assert (out / "summary.md").read_text().startswith("✓ Agreement holds.")
     assert not re.search(r"<(script|link|img)[^>]+(src|href)=.(https?:)?//", page), "the report must need nothing else"
     assert sorted(p.name for p in (out / "trajectories").iterdir()) == [
         "fixed-reference-stock.nc",
