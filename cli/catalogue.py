@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from . import options, output
+
+if TYPE_CHECKING:
+    from ..comparisons.report.document import Document
+    from ..engines.option_table import OptionRow
 
 models_app = typer.Typer(help="The machines: list them, show one as JSON, export its MJCF.", no_args_is_help=True)
 
@@ -62,8 +66,23 @@ def export_command(
         typer.echo(f"Wrote {output.printable(str(folder))}")
 
 
-def engines_command() -> None:
-    """List the engines: installed or not, version, presets and capabilities."""
+_EngineName = Annotated[str | None, typer.Argument(help="One engine, to see its options; all are listed without it.")]
+
+
+def engines_command(name: _EngineName = None) -> None:
+    """List the engines, or the options of one: their defaults in each preset, what they can be, and what they mean.
+
+    An option is set by `--option NAME=VALUE` (of one engine: `--option mujoco.solref=-40000,-400`).
+
+    Examples:
+    trebucheck engines
+
+    trebucheck engines mujoco
+    """
+    output.show(_list() if name is None else _options(name))
+
+
+def _list() -> Document:
     from ..comparisons.report.document import Document, Listing, Text, table, words
     from ..engines.registry import engines
 
@@ -79,6 +98,34 @@ def engines_command() -> None:
         )
         for status in engines().values()
     ]
-    texts = (Text(f"{status.name}: {status.capabilities.formulation}") for status in engines().values())
+    texts = (Text(status.capabilities.formulation, "strong", lead=f"{status.name}:") for status in engines().values())
     blocks = (table([words(title, wrap=False) for title in titles], rows), Listing(tuple(texts)))
-    output.show(Document("engines", blocks))
+    return Document("engines", blocks)
+
+
+def _options(name: str) -> Document:
+    from ..comparisons.report.document import Column, Document, Text, ranked, table, words
+    from ..engines.option_table import option_table
+    from ..engines.registry import engine_class
+
+    cls = engine_class(name)
+    version = cls.version() if cls.is_installed() else "not installed"
+    rows = [(each.name, _defaults(each), _sentence(each)) for each in option_table(name)]
+    heads = (Column("option"), words("default"), words("meaning and values"))
+    about = Text(cls.capabilities.formulation, "strong", lead=f"{name} ({version}):")
+    none = () if rows else (Text(f"{name} does not say which options it has."),)
+    return Document(name, (about, table(ranked(heads, default=0, meaning_and_values=0), rows), *none))
+
+
+def _defaults(option: OptionRow) -> str:
+    """One value, or a line a preset where they differ."""
+    from ..engines.option_table import default_text
+
+    texts = {preset: default_text(value) for preset, value in option.defaults.items()}
+    if len(set(texts.values())) == 1:
+        return next(iter(texts.values()))
+    return "\n".join(f"{text} ({preset})" for preset, text in texts.items())
+
+
+def _sentence(option: OptionRow) -> str:
+    return "\n".join(filter(None, (option.meaning, option.values)))

@@ -66,7 +66,12 @@ StopLaw = Annotated[
 ]
 EngineOption = Annotated[
     list[str] | None,
-    typer.Option("--option", metavar="NAME=VALUE", help="A numerical option of the engine; repeatable."),
+    typer.Option(
+        "--option",
+        metavar="[ENGINE.]NAME=VALUE",
+        help="A numerical option, of every engine that has it, or of ENGINE; lists as 1,2,3; repeatable. "
+        "`trebucheck engines ENGINE` lists them.",
+    ),
 ]
 
 
@@ -283,8 +288,10 @@ def needs(texts: list[str] | None, file: Path | None) -> dict[str, float | str]:
     return {**from_file, **assignments(texts, "--tolerance")}
 
 
-def engine_options(texts: list[str] | None, timestep: float | None = None) -> dict[str, Any]:
-    """--option values as JSON where they are JSON, else as text: the engine itself validates them.
+def engine_options(texts: list[str] | None, timestep: float | None) -> dict[str, Any]:
+    """--option values as JSON where they are JSON, lists also without brackets, else as text.
+
+    The engine itself validates them.
 
     Args:
         timestep: of --timestep [s].
@@ -292,19 +299,21 @@ def engine_options(texts: list[str] | None, timestep: float | None = None) -> di
     Raises:
         InputError: an option is chosen by another flag, or is there twice.
     """
-    import json
-
-    from ..engines.registry import refuse_reserved
-
-    options: dict[str, Any] = {}
-    for name, value in assignments(texts, "--option").items():
-        try:
-            options[name] = json.loads(value)
-        except (ValueError, RecursionError):  # no JSON, or a number of thousands of digits, or nested too deep
-            options[name] = value
-    refuse_reserved(options)
+    options = {name: _value(value) for name, value in assignments(texts, "--option").items()}
     if timestep is None:
         return options
     if "timestep" in options:
         raise InputError(f"--timestep {timestep:g} and --option timestep are both given; leave out one of them.")
     return {**options, "timestep": timestep}
+
+
+def _value(text: str) -> object:
+    """Of an option."""
+    import json
+
+    for form in (text, f"[{text}]") if "," in text else (text,):
+        try:
+            return json.loads(form)
+        except (ValueError, RecursionError):  # no JSON, or a number of thousands of digits, or nested too deep
+            continue
+    return text

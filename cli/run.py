@@ -36,14 +36,14 @@ def run_command(
     from ..comparisons.report.sections import run_report
     from ..comparisons.runs.runner import Runner, Worker, simulate
     from ..comparisons.runs.study import Study, one_end
-    from ..engines.registry import engine as make
     from ..models.files import refuse_unwritable
     from ..models.problem import Problem
     from ..models.trajectory import save
 
     given = options.only(model, assignments, beam, "run")
-    made = make(engine, preset, **options.engine_options(option, timestep))
-    study = Study([given], stop_law=stop_law, until=one_end(duration, until))
+    asked_options = options.engine_options(option, timestep)
+    study = Study([given], [engine], options=asked_options, stop_law=stop_law, until=one_end(duration, until))
+    made = study.engine(engine, preset)
     (mechanism,) = study.mechanisms
     end, law = study.end_of(mechanism), study.law_of(mechanism)
     asked = Problem(mechanism, duration=end.time, stop_law=law) if end.kind == "time" else None

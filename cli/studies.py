@@ -44,6 +44,7 @@ def compare_command(
     tolerances: options.Tolerances = None,
     assignments: options.Set = None,
     beam: options.Beam = None,
+    option: options.EngineOption = None,
     stop_law: options.StopLaw = None,
     resume: options.Resume = False,
     timeout: options.Timeout = 600.0,
@@ -62,19 +63,21 @@ def compare_command(
     """
     from ..comparisons.compare.study import compare
     from ..comparisons.runs.store import Store
+    from ..engines.registry import engine_names, refuse_unknown_options
     from ..models.files import refuse_unwritable
 
     machines = options.given(models, assignments, beam)
     presets = options.names(preset, "--preset")
     chosen = options.chosen_names(engines, "--engines")
     refuse_unwritable(out)
+    own = options.engine_options(option, timestep)
+    refuse_unknown_options(own, chosen or engine_names())  # before they meet the names of other arguments
     store = Store(out / "trajectories", resume, out / "runs")
     with output.progress(width=28) as show:
         comparison = compare(
             machines,
             chosen,
             presets,
-            timestep=timestep,
             duration=duration,
             until=until,
             tolerances=options.needs(tolerance, tolerances),
@@ -82,6 +85,7 @@ def compare_command(
             timeout=timeout,
             store=store,
             progress=lambda case, done, of: show(f"{case.model}: {case.label}", done, of),
+            **own,
         )
     _publish(replace(comparison, results=comparison.results.made_by(output.command_line(context))), out, store)
     if not comparison.passed:
@@ -153,6 +157,7 @@ def explain_command(
     until: options.Until = None,
     assignments: options.Set = None,
     beam: options.Beam = None,
+    option: options.EngineOption = None,
     resume: options.Resume = False,
     timeout: options.Timeout = 600.0,
     out: Annotated[Path, options.out("Folder for explain.html, explain.json and the runs.")] = Path("explain"),
@@ -172,7 +177,7 @@ def explain_command(
     from ..comparisons.explain.study import explain
 
     machines = options.given(models, assignments, beam)
-    own = {} if timestep is None else {"timestep": timestep}
+    own = options.engine_options(option, timestep)
     presets = options.names(preset, "--preset")
     study = options.study(machines, engines, out, resume, timeout, presets=presets, options=own, until=until)
     with output.progress(width=44) as show:

@@ -140,8 +140,66 @@ def engine(name: str, preset: str = "tuned", **options: Any) -> Engine:
     makers = engine_class(name).presets()
     if preset not in makers:
         raise InputError(f"{name} has no preset {preset!r}; there are: {', '.join(makers)}.")
-    simulator = makers[preset](**options)
+    try:
+        simulator = makers[preset](**options)
+    except (InputError, TypeError):
+        known = option_names(name) or tuple(options)
+        for unknown in (option for option in options if option not in known):
+            raise InputError(_no_option(name, unknown, known)) from None
+        raise
     return simulator if isinstance(simulator, Engine) else _completed(simulator, preset, options)
+
+
+def option_names(name: str) -> tuple[str, ...] | None:
+    """Names of an engine's options: the fields of its class; None where the class of a plug-in does not tell them."""
+    cls: object = engine_class(name)
+    if not isinstance(cls, type):
+        return None
+    if issubclass(cls, Spec):
+        fields = list(cls.__pydantic_fields__)
+    elif dataclasses.is_dataclass(cls):
+        fields = [field.name for field in dataclasses.fields(cls) if field.init]
+    else:
+        return None
+    return tuple(field for field in fields if field not in _RESERVED)
+
+
+_RESERVED = ("name", "preset")
+
+
+def _no_option(engine: str, option: str, known: Sequence[str]) -> str:
+    close = get_close_matches(option, known, n=1)
+    hint = f" (did you mean {close[0]!r}?)" if close else ""
+    return f"{engine}: {option} is not a field it has{hint}; its options are: {', '.join(known)}."
+
+
+def options_for(name: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of one engine among those of several.
+
+    Args:
+        name: of the engine.
+        options: by name, for every engine that has it, or as 'mujoco.solref' for one, which goes first.
+    """
+    known = option_names(name)
+    shared = {key: value for key, value in options.items() if "." not in key and (known is None or key in known)}
+    return shared | {key.removeprefix(f"{name}."): v for key, v in options.items() if key.startswith(f"{name}.")}
+
+
+def refuse_unknown_options(options: Mapping[str, Any], names: Sequence[str]) -> None:
+    """Refuse options that none of these engines has; values are checked where an engine is made.
+
+    Raises:
+        InputError: an option belongs to no engine, or to one that is not among these.
+    """
+    refuse_reserved({key.rpartition(".")[2]: value for key, value in options.items()})
+    for key in options:
+        owner, dot, option = key.rpartition(".")
+        if dot and owner not in names:
+            raise InputError(f"option {key}: {owner!r} is not among the engines asked for: {', '.join(names)}.")
+        known = {name: option_names(name) for name in ([owner] if dot else names)}
+        if all(own is not None and option not in own for own in known.values()):
+            every = [*dict.fromkeys(each for own in known.values() for each in own or ())]
+            raise InputError(_no_option(owner or ", ".join(names), option, every))
 
 
 def refuse_reserved(options: Mapping[str, Any]) -> None:
@@ -150,7 +208,7 @@ def refuse_reserved(options: Mapping[str, Any]) -> None:
     Raises:
         InputError: the engine's name or its preset is one of them.
     """
-    for name in ("name", "preset"):
+    for name in _RESERVED:
         if name in options:
             raise InputError(f"{name} = {options[name]!r} is no option of an engine: it chooses which engine is made.")
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-import scipy
 from scipy.integrate import OdeSolution
 
 from ..models.arrays import FloatArray, IndexArray
@@ -16,6 +15,7 @@ from ..models.launch import LAUNCH_ANGLE, Launch, SmoothVelocity, first_launch, 
 from ..models.phasors import PointCoefficients
 from ..models.problem import Problem
 from ..models.trajectory import PointMotion, Provenance, Trajectory
+from ..version import __version__
 from .equations import Equations
 from .integrator import numerical, refuse_infinite
 from .reactions import joint_reactions, undetermined_forces
@@ -247,7 +247,7 @@ class Solution:
     def _provenance(self) -> Provenance:
         return Provenance(
             engine="reference",
-            engine_version=scipy.__version__,
+            engine_version=__version__,
             preset="tuned",
             settings=dict(self.settings),
             mechanism_hash=self.problem.mechanism.content_hash,

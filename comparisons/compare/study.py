@@ -98,7 +98,8 @@ def compare(
         isolate: simulate in a process of its own, so that an engine's crash costs only its row.
         timeout: longest wait for one isolated run [s]; what takes longer becomes a failed row.
         progress: called before each case with the number done and the number of all.
-        options: further options for every engine that has them.
+        options: further options, each for every engine that has it, or as 'mujoco.solref' (a key of a mapping given
+            with two asterisks) for one.
 
     Raises:
         InputError: a name or a value is not valid. A run that fails raises nothing: it becomes a failed row.

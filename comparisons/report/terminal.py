@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import cache
 
 from rich import table as rich_table
@@ -24,8 +25,10 @@ _STYLES: dict[Mark, str] = {
 
 @cache
 def console() -> Console:
-    """Standard output."""
-    return Console(highlight=False)
+    """Standard output; into a file or a pipe whose width nobody states, each sentence is one line."""
+    to = Console(highlight=False)
+    to.soft_wrap = not to.is_terminal and "COLUMNS" not in os.environ
+    return to
 
 
 def progress_console() -> Console:
@@ -83,7 +86,7 @@ def _show_table(block: Table, to: Console) -> None:
         drawn.add_column(heading, justify=column.column.align or "left", width=column.width, overflow="fold")
     for row in zip(*(column.cells for column in layout.columns), strict=True):
         drawn.add_row(*(Styled(cell.text, style=_STYLES[cell.mark]) for cell in row))
-    to.print(drawn)
+    to.print(drawn, soft_wrap=False)
     if layout.left_out:
         names = ", ".join(column.heading_words for column in layout.left_out)
         to.print(Styled(f"Not shown in {to.width} columns: {names}.", style="dim"))

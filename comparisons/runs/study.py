@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 from ...engines.protocol import Engine
-from ...engines.registry import engine, engine_class, engine_names, refuse_reserved
+from ...engines.registry import engine, engine_class, engine_names, options_for, refuse_unknown_options
 from ...models.errors import InputError
 from ...models.machines.registry import library_problem, model
 from ...models.mechanism import Mechanism
@@ -49,7 +49,7 @@ class Study:
     parameters: Spec | None = None
     """Of the named machines; None: their defaults."""
     options: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    """Of every engine, over its preset's; `timestep` [s] among them."""
+    """Over the presets': of every engine that has it, `timestep` [s] among them, or of one, as 'mujoco.solref'."""
     stop_law: StopLaw | str | None = None
     """None: a problem's own; of what is no problem, release-once."""
     until: str | float | None = None
@@ -80,9 +80,9 @@ class Study:
                 object.__setattr__(self, name, tuple(_unique(getattr(self, name))))
         if not self.models:
             raise InputError("no model was named; at least one is needed.")
-        refuse_reserved(self.options)
         for name in self.engines or ():
             engine_class(name)
+        refuse_unknown_options(self.options, self.every_engine)
         self.needs.refuse_unknown_subjects(self.mechanisms)
 
     def law_of(self, mechanism: Mechanism) -> StopLaw:
@@ -159,7 +159,7 @@ class Study:
         Raises:
             InputError: the preset or an option is not valid.
         """
-        return engine(name, preset, **self.options)
+        return engine(name, preset, **options_for(name, self.options))
 
     def engine_for(self, machine: Machine, made: Engine) -> Engine:
         """An engine for a machine; in a problem of the library a preset's step is for a characteristic time of 1 s.
@@ -171,10 +171,11 @@ class Study:
             made: as :meth:`engine` makes it.
         """
         in_library = machine.model in self._problems and find_benchmark(machine.model) is not None
-        if made.timestep is None or "timestep" in self.options or not in_library:
+        own = options_for(made.name, self.options)
+        if made.timestep is None or "timestep" in own or not in_library:
             return made
         step = float(f"{made.timestep * machine.scales.time:.2g}")
-        return engine(made.name, made.preset, **{**self.options, "timestep": step})
+        return engine(made.name, made.preset, **{**own, "timestep": step})
 
     def worker(self) -> Worker:
         """The processes in which engines run; this one, unless they are isolated."""

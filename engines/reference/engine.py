@@ -19,6 +19,7 @@ from ...reference.solution import Solution
 from ...reference.solver import TOLERANCE, solve
 from ...reference.taylor.choice import why_not_taylor
 from ...reference.taylor.solve import solve_taylor
+from ...version import __version__
 from ..inspection import Dynamics, Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording
 from ..study import EngineStudy, Tolerance
@@ -58,6 +59,11 @@ class ReferenceEngine(BuiltinEngine):
         default=TOLERANCE, description="relative local error of DOP853; Taylor series go to the last digit"
     )
     atol: _Tolerance = Field(default=TOLERANCE, description="absolute local error [rad, m, rad/s, m/s]")
+
+    @classmethod
+    def version(cls) -> str:
+        """Of trebucheck, whose solver it is."""
+        return __version__
 
     def solve(self, problem: Problem) -> Solution:
         """The continuous solution behind :meth:`simulate`; its settings say why "auto" did not take Taylor series."""
