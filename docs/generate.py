@@ -12,7 +12,7 @@ import plotly.graph_objects as go
 import trebucheck as tb
 from plotly.subplots import make_subplots
 from trebucheck.comparisons.compare import plots as figures
-from trebucheck.comparisons.compare.report import differences
+from trebucheck.comparisons.compare.agreement import differences
 from trebucheck.comparisons.compare.study import Comparison
 from trebucheck.comparisons.converge.results import Studies
 from trebucheck.comparisons.data.files import names, publish
@@ -22,7 +22,7 @@ from trebucheck.comparisons.problems.report import library
 from trebucheck.comparisons.recommend import Advice
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.document import Document, table
-from trebucheck.comparisons.report.plots import LOGARITHMIC
+from trebucheck.comparisons.report.plotly_plots import LOGARITHMIC
 from trebucheck.comparisons.runs.results import Results
 from trebucheck.comparisons.runs.runner import Worker, simulate
 from trebucheck.comparisons.runs.scales import scales_until

@@ -10,7 +10,8 @@ from typing import Any
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from ..comparisons.report.plots import engine_colour, finish
+from ..comparisons.report.plotly_plots import finish
+from ..comparisons.report.plots import engine_colour
 from .design.efficiency import MachineEfficiency, Machines, SlingThrow
 from .drag.study import DragStudy
 from .evidence.claims import Series

@@ -5,26 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
 from ...models.arrays import FloatArray
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
-from ..report.document import Figure
-from ..report.plots import LOGARITHMIC, REFERENCE_LINE, finish, run_style, skeleton
+from ..report.document import Figure, Grid
+from ..report.plots import REFERENCE, Axis, Panels, Plot, Rule, Series, Style, run_style
 from ..runs.balance import sampled_balance
 
 if TYPE_CHECKING:
-    from ..runs.results import Machine
+    from ..runs.results import Machine, Run
     from .study import Comparison
 
-_POINTS = 500  # drawn per line: enough for the eye, and the report stays a few megabytes
+_POINTS = 300  # drawn per line: more than a plot has columns of pixels for, and the page stays below two megabytes
+_COLUMNS = 4
+_SEEN = 5e-3
+"""Share of a plot's range: a run nearer to the reference than that is covered by its line."""
 
 Quantity = Callable[[Trajectory], FloatArray]
 """A quantity over time; ValueError where the engine cannot observe it."""
@@ -44,23 +45,25 @@ class Line:
         return f"{self.trajectory.provenance.engine} {self.trajectory.provenance.preset}"
 
     @property
-    def style(self) -> dict[str, Any]:
-        """Colour by engine, dashes by preset; one entry of the legend for all its lines."""
-        line = run_style(self.trajectory.provenance.engine, self.trajectory.provenance.preset)
-        return {"name": self.label, "legendgroup": self.label, "line": line}
+    def style(self) -> Style:
+        """Colour by engine, dashes by preset."""
+        return run_style(self.trajectory.provenance.engine, self.trajectory.provenance.preset)
 
-    def values(self, quantity: Quantity) -> tuple[FloatArray, FloatArray]:
-        """Times [s] and values, few enough of them to draw."""
+    def values(self, quantity: Quantity) -> Series | None:
+        """The quantity, few enough points to draw; None if it would be covered by the reference's line."""
         t = self.reference.t
-        stride = max(1, len(t) // _POINTS)
-        chosen = [*range(0, len(t), stride), len(t) - 1]
-        return t[chosen], quantity(self.trajectory)[chosen]
+        own, known = quantity(self.trajectory)[: len(t)], quantity(self.reference)
+        if np.abs(own - known).max() <= _SEEN * np.ptp(known):
+            return None
+        chosen = np.unique(np.linspace(0, len(t) - 1, _POINTS).astype(int))
+        return Series(self.label, t[chosen], own[chosen], self.style)
 
-    def difference(self, quantity: Quantity) -> tuple[FloatArray, FloatArray]:
-        """Times [s] and absolute differences to the reference, distances for points; few enough of them to draw."""
-        t = self.reference.t
-        difference = quantity(self.trajectory)[: len(t)] - quantity(self.reference)
-        return _thinned(t, np.abs(difference) if difference.ndim == 1 else np.linalg.norm(difference, axis=1))
+    def difference(self, quantity: Quantity) -> Series:
+        """Absolute differences to the reference, distances for points, as `thinned`."""
+        known = quantity(self.reference)
+        difference = quantity(self.trajectory)[: len(known)] - known
+        size = np.abs(difference) if difference.ndim == 1 else np.linalg.norm(difference, axis=1)
+        return Series(self.label, *thinned(self.reference.t, size), self.style)
 
 
 def lines(solution: Solution, trajectories: Mapping[str, Trajectory], end: float) -> list[Line]:
@@ -72,52 +75,84 @@ def lines(solution: Solution, trajectories: Mapping[str, Trajectory], end: float
     ]
 
 
-def _thinned(t: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Few enough points to draw on a logarithmic axis, which cannot show zeros; the largest of each bin is kept."""
-    if len(t) > _POINTS:
-        edges = np.linspace(0, len(t), _POINTS + 1).astype(int)
-        chosen = np.array([a + int(np.argmax(np.abs(values[a:b]))) for a, b in pairwise(edges)])
-        t, values = t[chosen], values[chosen]
-    return t, np.where(values > 0, values, np.nan)
+def thinned(t: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Few enough points to draw: at the end of each of `_POINTS` intervals the largest value within it."""
+    if len(t) <= _POINTS:
+        return t, values
+    edges = np.linspace(0, len(t), _POINTS + 1).astype(int)
+    return t[edges[1:] - 1], np.array([values[a:b].max() for a, b in pairwise(edges)])
 
 
-def figures(comparison: Comparison, machine: Machine) -> Iterator[Figure]:
-    """All plots of one machine, each drawn when a page needs it."""
+def figures(comparison: Comparison, machine: Machine) -> Grid:
+    """All plots of one machine over time, each drawn when a page needs it; they zoom together."""
 
     @cache
     def runs() -> list[Line]:
         own = {label: t for (model, label), t in comparison.trajectories.items() if model == machine.model}
         return lines(comparison.solutions[machine.model], own, machine.compared_to)
 
-    def drawn(draw: Callable[..., go.Figure], *rest: object) -> Callable[[], go.Figure]:
-        return lambda: draw(comparison.solutions[machine.model], runs(), *rest)
+    def figure(name: str, caption: str, columns: int, draw: Callable[[Solution, Sequence[Line]], Panels]) -> Figure:
+        drawn = partial(_drawn, draw, lambda: (comparison.solutions[machine.model], runs()))
+        own = anchor(machine.model, name)
+        return Figure(drawn, name.capitalize(), caption, own, machine.model, min(columns, _COLUMNS))
 
-    text = "The paths of the markers, and the machine at the start and at the end."
-    yield Figure(drawn(_paths, machine.compared_to), "Motion", text)
-    text = "At each engine's own times; no sample is interpolated."
-    ends = {marker.name: position(marker.name) for marker in machine.mechanism.markers}
+    return Grid(tuple(figure(*each) for each in _figures(machine)))
+
+
+def _drawn(draw: Callable[..., Panels], given: Callable[[], tuple[Solution, Sequence[Line]]]) -> Panels:
+    return draw(*given())
+
+
+def anchor(model: str, name: str) -> str:
+    """Anchor of a machine's figure or section of that name."""
+    return f"{model}-{name}".lower().replace(" ", "-")
+
+
+def anchors(machine: Machine) -> set[str]:
+    """Anchors of the machine's figures."""
+    return {anchor(machine.model, name) for name, *_ in _figures(machine)}
+
+
+DISTANCES, TORQUES, FORCES, JOINT_FORCES = "distances", "stop torques", "stop forces", "joint forces"
+COORDINATES, ENERGY = "coordinates", "energy"
+
+
+def _figures(machine: Machine) -> Iterator[tuple[str, str, int, Callable[[Solution, Sequence[Line]], Panels]]]:
+    """Name, sentence, number of quantities, and what draws it."""
+    mechanism = machine.mechanism
+    marks = _events(machine)
+    ends = {marker.name: position(marker.name) for marker in mechanism.markers}
     if ends:
-        yield Figure(drawn(_over_time, ends, "m"), "Distance from the reference", text)
-    for title, text, unit, quantities in _quantities(machine):
+        text = "Of each marker from the reference, at the engine's own times; no sample is interpolated. "
+        text += f"Of each {_POINTS}th of the motion the largest is drawn."
+        yield DISTANCES, text, len(ends), partial(_over_time, quantities=ends, unit="m", marks=marks)
+    for name, text, unit, quantities in _quantities(machine):
         if quantities:
-            plot = drawn(_over_time, quantities, unit, machine.compared_to)
-            yield Figure(plot, title, f"{text} Below, the differences to the reference.")
-    text = "Less the work of dampers, constant forces and torques; of the total energy at the start. Any drift but at "
-    text += "impacts is numerical."
-    yield Figure(drawn(_energy_drift), "Energy drift", text)
+            sentence = f"{text} Upper row: the reference, and runs that part from its line. Lower row: differences."
+            draw = partial(_over_time, quantities=quantities, unit=unit, marks=marks, end=machine.compared_to)
+            yield name, sentence, len(quantities), draw
+    text = "Total energy less the work of dampers, constant forces and torques, as a share of the energy at the start. "
+    text += "Any drift but at impacts is numerical."
+    yield ENERGY, text, 1, partial(_energy_drift, marks=marks)
+
+
+def _events(machine: Machine) -> tuple[Rule, ...]:
+    """Where stops open and the projectile is launched in the reference."""
+    times = {f"{name} opens": time for name, time in machine.release_times.items()}
+    return tuple(Rule(time, text) for text, time in times.items() if time is not None and time <= machine.compared_to)
 
 
 def _quantities(machine: Machine) -> Iterator[tuple[str, str, str, dict[str, Quantity]]]:
-    """Title, sentence, unit and quantities of the plots over time."""
+    """Name, sentence, unit and quantities of the plots over time."""
     mechanism = machine.mechanism
-    angles = {name: _coordinate(i) for i, name in enumerate(mechanism.angles)}
-    yield "Angles", "Absolute, positive clockwise.", "rad", angles
     closed = {unit: [s for s in mechanism.stops if s.closed and s.force_unit == unit] for unit in ("N m", "N")}
     text = "At least 0 while the contact of the stop is active, 0 once it is released."
-    yield "Stop torques", text, "N m", {stop.name: _stop_torque(stop.name) for stop in closed["N m"]}
-    yield "Stop forces", text, "N", {stop.name: _stop_torque(stop.name) for stop in closed["N"]}
+    yield TORQUES, text, "N m", {stop.name: _stop_torque(stop.name) for stop in closed["N m"]}
+    yield FORCES, text, "N", {stop.name: _stop_torque(stop.name) for stop in closed["N"]}
     forces = {joint.name: _joint_force(joint.name) for joint in mechanism.joints if joint.held_directions}
-    yield "Joint forces", "Magnitude of the force on each joint's child.", "N", forces
+    yield JOINT_FORCES, "Magnitude of the force on each joint's child.", "N", forces
+    angles = {name: _coordinate(i) for i, name in enumerate(mechanism.angles)}
+    yield COORDINATES, "Absolute angles, positive clockwise.", "rad", angles
 
 
 def _coordinate(index: int) -> Quantity:
@@ -137,63 +172,85 @@ def position(name: str) -> Quantity:
     return lambda trajectory: trajectory.marker(name).position
 
 
-def _paths(solution: Solution, runs: Sequence[Line], end: float) -> go.Figure:
-    """The markers in the plane; the machine at the start and at the end."""
-    figure = go.Figure()
-    reference = solution.trajectory(np.linspace(0.0, end, _POINTS))
-    for which, q in zip(("at the start", "at the end"), (reference.q[0], reference.q[-1]), strict=True):
-        x, y = skeleton(solution.problem.mechanism, solution.equations.kinematics, q)
-        wood = {"color": "#c9b79c", "width": 5}
-        figure.add_scatter(x=x, y=y, mode="lines+markers", line=wood, showlegend=False, name=which)
-    for i, name in enumerate(reference.markers):
-        x, y = reference.marker(name).position.T
-        figure.add_scatter(x=x, y=y, name=f"{name}, reference", line=REFERENCE_LINE)
-        for run in runs:
-            x, y = run.values(position(name))[1].T
-            figure.add_scatter(x=x, y=y, showlegend=i == 0, **run.style)
-    figure.update_xaxes(title="x [m]")
-    figure.update_yaxes(title="y [m]", scaleanchor="x")
-    return finish(figure, 620)
-
-
 def _over_time(
-    solution: Solution, runs: Sequence[Line], quantities: Mapping[str, Quantity], unit: str, end: float | None = None
-) -> go.Figure:
-    """Quantities over time up to `end` [s], and below their differences to the reference; without it only these.
+    solution: Solution,
+    runs: Sequence[Line],
+    quantities: Mapping[str, Quantity],
+    unit: str,
+    marks: tuple[Rule, ...],
+    end: float | None = None,
+) -> Panels:
+    """Quantities over time up to `end` [s], then their differences to the reference; without it only these.
 
     A run whose engine cannot observe a quantity has no line.
     """
-    drawn = [Line.difference] if end is None else [Line.values, Line.difference]
-    titles = list(quantities)
-    figure = make_subplots(len(drawn), len(titles), shared_xaxes=True, subplot_titles=titles, vertical_spacing=0.08)
-    reference = solution.trajectory(np.linspace(0.0, end or 0.0, _POINTS))
-    for row, values_of in enumerate(drawn, start=1):
-        for column, quantity in enumerate(quantities.values(), start=1):
-            first = {"showlegend": row == column == 1, "row": row, "col": column}
-            if values_of == Line.values:
-                figure.add_scatter(x=reference.t, y=quantity(reference), name="reference", line=REFERENCE_LINE, **first)
-            for run in runs:
-                with suppress(ValueError):
-                    t, values = values_of(run, quantity)
-                    figure.add_scatter(x=t, y=values, **run.style, **first)
-    figure.update_yaxes(row=len(drawn), **LOGARITHMIC)
-    figure.update_xaxes(title="t [s]", row=len(drawn))
-    if end is None:
-        figure.update_yaxes(title=f"distance [{unit}]")
-        return finish(figure, 460)
-    figure.update_yaxes(title=f"[{unit}]", row=1, col=1)
-    figure.update_yaxes(title=f"difference [{unit}]", row=2, col=1)
-    return finish(figure, 620)
+    values = [] if end is None else [_values(solution, runs, *each, unit, marks, end) for each in quantities.items()]
+    axis = Axis("distance" if end is None else "difference", unit, logarithmic=True)
+    marks = marks if end is None else tuple(Rule(mark.at) for mark in marks)
+    return (*values, *(_differences(runs, name, quantity, axis, marks) for name, quantity in quantities.items()))
 
 
-def _energy_drift(solution: Solution, runs: Sequence[Line]) -> go.Figure:
+_TIME = Axis("t", "s")
+
+
+def _values(
+    solution: Solution,
+    runs: Sequence[Line],
+    name: str,
+    quantity: Quantity,
+    unit: str,
+    marks: tuple[Rule, ...],
+    end: float,
+) -> Plot:
+    reference = solution.trajectory(np.linspace(0.0, end, _POINTS))
+    series = [Series("reference", reference.t, quantity(reference), REFERENCE)]
+    for run in runs:
+        with suppress(ValueError):
+            series += filter(None, [run.values(quantity)])
+    return Plot(_TIME, Axis("", unit), tuple(series), name, rules=marks, height=230)
+
+
+def _differences(runs: Sequence[Line], name: str, quantity: Quantity, axis: Axis, marks: tuple[Rule, ...]) -> Plot:
+    series: list[Series] = []
+    for run in runs:
+        with suppress(ValueError):
+            series.append(run.difference(quantity))
+    return Plot(_TIME, axis, tuple(series), name, rules=marks, height=250)
+
+
+def _energy_drift(solution: Solution, runs: Sequence[Line], marks: tuple[Rule, ...]) -> Panels:
     """Energy drift relative to the total energy at the start, logarithmic."""
     start = float(solution.trajectory(np.zeros(1)).total_energy[0])
-    figure = go.Figure()
+    series: list[Series] = []
     for run in runs:
         t, (energy, _) = run.reference.t, sampled_balance(run.trajectory)
-        t, values = _thinned(t, np.abs(energy[: len(t)] - start) / (abs(start) or 1.0))
-        figure.add_scatter(x=t, y=values, **run.style)
-    figure.update_yaxes(title="|E - E(0)| / |E(0)|" if start else "|E - E(0)| [J]", **LOGARITHMIC)
-    figure.update_xaxes(title="t [s]")
-    return finish(figure, 420)
+        drift = np.abs(energy[: len(t)] - start) / (abs(start) or 1.0)
+        series.append(Series(run.label, *thinned(t, drift), run.style))
+    axis = Axis("|E - E(0)| / |E(0)|", "1", logarithmic=True) if start else Axis("|E - E(0)|", "J", logarithmic=True)
+    return (Plot(_TIME, axis, tuple(series), height=250, rules=marks),)
+
+
+def work_precision(machines: Sequence[Machine], runs: Sequence[Run]) -> Figure:
+    """Error of every run against its wall time: a panel a machine."""
+    panels = tuple(
+        Plot(
+            Axis("wall time", "s", logarithmic=True),
+            Axis("largest distance of a marker", "m", logarithmic=True),
+            tuple(_priced([run for run in runs if run.model == machine.model])),
+            machine.model,
+        )
+        for machine in machines
+    )
+    text = "Further left is quicker, further down more accurate. Wall times are of this computer, with everything that "
+    text += "the run does: build, simulation, read-out."
+    return Figure(panels, "Error against wall time", text, "work-precision")
+
+
+def _priced(runs: Sequence[Run]) -> Iterator[Series]:
+    for run in runs:
+        distances = [metric.value for metric in run.metrics if metric.name == "position_max" and metric.observed]
+        if run.wall_time and distances and None not in distances:
+            largest = max(abs(value) for value in distances if value is not None)
+            steps = (f"{run.steps} steps",)
+            at, style = (np.array([run.wall_time]), np.array([largest])), run_style(run.engine, run.preset)
+            yield Series(run.label, *at, style, "points", steps)

@@ -2,35 +2,38 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 from ...models.machines.trebuchet import parameters_of
 from ...reference.certification.certificate import load_certificate
 from ..report import document as doc
-from ..report.document import Block, Cell, Column, Document, Heading, Mark, Note, Table, Text, mark_of, page_only, table
-from ..report.numbers import format_number, format_step
+from ..report.document import (
+    Block,
+    Cell,
+    Column,
+    Document,
+    Heading,
+    Mark,
+    Note,
+    Table,
+    Text,
+    Tile,
+    mark_of,
+    page_only,
+    table,
+)
+from ..report.numbers import format_number
 from ..report.sections import certified_figures, partings, predictable, provenance
-from ..runs.results import COMPARED, Cause, Diagnosis, Equality, Machine, Metric, Outcome, Pair, Results, Run
+from ..runs.results import Equality, Machine, Metric, Outcome, Pair, Results, Run
 from . import plots
+from .agreement import agreement, largest, metrics_anchor, overview, ranking
+from .sentences import differing, findings, verdict
 from .study import Comparison
 
+_QUESTION = "How far can you trust a multibody engine, and why does it differ?"
 _CERTIFIED = ("release_time", "launch_time", "launch_speed", "launch_angle", "range", "stop_torque", "total_energy")
-_MARKS: dict[Outcome, Mark] = {
-    Outcome.AGREES: "good",
-    Outcome.DISAGREES: "bad",
-    Outcome.NOT_JUDGED: "warning",
-    Outcome.NOT_EQUIVALENT: "bad",
-    Outcome.FAILED: "bad",
-    Outcome.ABSENT: "warning",
-    Outcome.UNSUPPORTED: "warning",
-}
-_PLURALS = {Outcome.AGREES: "agree", Outcome.DISAGREES: "disagree"}
-_MOST = 3
-"""Sentences on broken tolerances for one run; the table of all metrics has the rest."""
 _KNOWN = (
     "position_max",
     "velocity_max",
@@ -58,214 +61,89 @@ _EQUIVALENCE = (
     "every set of closed stops. Each value is the largest relative difference of its kind; a dash stands for what the "
     "engine does not expose, “not checked” an engine that exposes nothing. A run whose model differs is not compared."
 )
-_COLUMNS = (
-    "Largest distance of each marker; largest error of a release time; error of launch time and speed; largest error "
-    "of a stop's torque at any sample; largest error of a joint's force, of that force's largest value; energy drift, "
-    "of the total energy. Verdict: quantities that hold their tolerance, of all that were judged."
-)
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A quantity of the agreement table: the largest of the metrics of one name."""
-
-    title: str
-    unit: str
-    metric: str
-    subject: str | None = None
-    judged: str = ""
-    """Metric that has the verdict, if that is another one."""
-    short: str = ""
-    """Title in a terminal; '' leaves the column out there."""
-    rank: int = 1
-    """As that of its column."""
-
-    @property
-    def column(self) -> Column:
-        """Its column in a table of runs."""
-        medium = "any" if self.short else "page"
-        return Column(self.title, self.unit, short=self.short, of=self.cell, rank=self.rank, medium=medium)
-
-    def metrics(self, run: Run) -> list[Metric]:
-        """Those it stands for."""
-        of = (m for m in run.metrics if m.observed and m.name == self.metric)
-        return [m for m in of if self.subject in (None, m.subject)]
-
-    def value(self, run: Run) -> float | None:
-        """The largest; None if one is missing, or the run has none."""
-        return _largest(m.value for m in self.metrics(run))
-
-    def cell(self, run: Run) -> Cell:
-        """The value, with its unit where that is not the column's, marked by its tolerances."""
-        metrics, value = self.metrics(run), self.value(run)
-        if not metrics:
-            return Cell("")
-        other = "" if value is None else "".join({f" {m.unit}" for m in metrics} - {f" {self.unit}"})
-        named = [m for m in run.metrics if m.name == (self.judged or self.metric) and self.subject in (None, m.subject)]
-        verdicts = {m.holds for m in named} - {None}
-        return Cell(format_number(value) + other, mark_of(all(verdicts) if verdicts else None))
-
-
-def _largest(values: Iterable[float | None]) -> float | None:
-    """Magnitude of the largest; None if one is missing, or all are."""
-    sizes = [None if value is None else abs(value) for value in values]
-    return None if None in sizes else max((size for size in sizes if size is not None), default=None)
-
-
-_POSITION = Quantity("position", "m", "position_max", short="position")
-_QUANTITIES = (
-    Quantity("release", "s", "release_time", short="release", rank=2),
-    Quantity("launch time", "s", "launch_time"),
-    Quantity("launch speed", "m/s", "launch_speed", short="speed", rank=4),
-    Quantity("stop torque", "N m", "stop_torque_max", short="torque", rank=2),
-    Quantity("joint force", "1", "joint_reaction_relative", judged="joint_reaction_max"),
-    Quantity("energy", "1", "energy_drift", judged="energy_balance", short="energy", rank=3),
-)
-OVERVIEW = (_POSITION, *_QUANTITIES)
-"""One value of each quantity, whatever markers the mechanism has."""
-
-
-def quantities(machine: Machine) -> tuple[Quantity, ...]:
-    """Quantities of the agreement table: the position of each marker, then what every mechanism has."""
-    positions = (Quantity(marker.name, "m", "position_max", marker.name) for marker in machine.mechanism.markers)
-    return (*positions, *_QUANTITIES)
-
-
-def differences(machine: Machine) -> tuple[Column, ...]:
-    """Columns of a table of its runs: engine, step, and the quantities."""
-    return (
-        Column("engine", of=lambda run: run.label),
-        Column("step", "s", of=lambda run: format_step(run.settings.get("timestep")), rank=5),
-        replace(_POSITION.column, medium="terminal"),
-        *(quantity.column for quantity in quantities(machine)),
-    )
 
 
 def document(comparison: Comparison) -> Document:
     """The whole of it; the terminal has the tables in short, what broke, and the verdict at its end."""
     results = comparison.results
-    findings = doc.Listing(tuple(_findings(results)))
+    listed = doc.Listing(tuple(findings(results)))
     blocks: list[Block] = [
-        Note("How far can you trust a multibody engine, and why does it differ?"),
-        Text(verdict(results), mark_of(results.passed), medium="page"),
-        page_only(findings),
-        Note(_INTRODUCTION),
+        page_only(Text(verdict(results), mark_of(results.passed))),
+        _tiles(results),
+        overview(results),
     ]
+    if any(run.wall_time for run in results.ran):
+        blocks.append(plots.work_precision(results.machines, results.runs))
     for machine in results.machines:
         blocks += _chapter(comparison, machine)
+    if any(run.outcome is not Outcome.AGREES for run in results.runs):
+        blocks += [Heading("What differs, and why", 2, "why"), *(page_only(each) for each in differing(results))]
+    for machine in results.machines:
+        blocks += _evidence(comparison, machine)
+    blocks += [Heading("How the comparison is made", 2), Note(_INTRODUCTION), Note(_EQUIVALENCE)]
     runs = ((run.model, run.label, run.engine_version, run.settings) for run in results.runs)
     blocks += provenance(results, runs, [(machine.model, machine.mechanism) for machine in results.machines])
-    blocks += [doc.terminal_only(findings), Text(verdict(results), medium="terminal")]
-    return Document("trebucheck", tuple(blocks), "trebucheck report")
+    blocks += [doc.terminal_only(listed), Text(verdict(results), medium="terminal")]
+    return Document(
+        "How far can you trust a multibody engine, and why does it differ?", tuple(blocks), _window(results)
+    )
 
 
-def verdict(results: Results) -> str:
-    """One line: how many runs came to which verdict, and what was judged."""
+def _window(results: Results) -> str:
+    return f"trebucheck: {', '.join(machine.model for machine in results.machines)}"
+
+
+def _tiles(results: Results) -> doc.Tiles:
+    """Verdicts counted, and the engines at both ends of the ranking by distance."""
     counted = Counter(run.outcome for run in results.runs)
-    outcomes = ", ".join(f"{counted[each]} {_PLURALS.get(each, each.value)}" for each in Outcome if counted[each])
-    judged = sum(len(run.judged) for run in results.runs)
-    held = judged - sum(len(run.broken) for run in results.runs)
-    checks = [run.equality for run in results.runs if run.equality is not None]
-    shown = [check for check in checks if check.exposed]
-    models = f"{sum(check.holds for check in shown)} of {len(shown)} built models equivalent"
-    unchecked = f", {len(checks) - len(shown)} not checked" if len(shown) < len(checks) else ""
-    head = _head(results, judged > 0)
-    return f"{head}. Runs: {outcomes or 'none'}; {held} of {judged} judged quantities hold; {models}{unchecked}."
-
-
-def _head(results: Results, judged: bool) -> str:
-    if not judged:
-        return "Nothing was judged"
-    if not results.passed:
-        return "Agreement does not hold"
-    undecided = any(run.outcome is Outcome.NOT_JUDGED for run in results.runs)
-    return "Nothing disagrees, but not all could be judged" if undecided else "Agreement holds"
-
-
-def _findings(results: Results) -> Iterator[Text]:
-    """What broke or did not run, and why."""
-    for run in results.runs:
-        name = f"{run.model}, {run.label}"
-        for sentence in complaints(run, _MOST):
-            yield Text(sentence, "bad", lead=f"{name}:")
-        if run.message:
-            yield Text(f"{run.outcome.value}: {run.message}", _MARKS[run.outcome], lead=f"{name}:")
-        if run.unjudged:
-            labels = ", ".join(metric.label for metric in run.unjudged)
-            yield Text(f"not judged: {labels} ({run.unjudged[0].note}).", "warning", lead=f"{name}:")
-        for sentence in diagnosis(run):
-            yield Text(sentence, "strong", lead=f"{name}, why:")
-
-
-def complaints(run: Run, most: int | None = None) -> list[str]:
-    """One sentence for each tolerance that does not hold, the worst first; of the rest their number.
-
-    Args:
-        most: how many have a sentence; None: all.
-    """
-    broken = sorted(run.broken, key=lambda m: math.inf if m.value is None else abs(m.value) / (m.tolerance or 1e-300))
-    sentences = [_complaint(metric) for metric in broken[::-1][:most]]
-    rest = len(broken) - len(sentences)
-    return [*sentences, f"{rest} more of {len(run.judged)} judged quantities break their tolerance."][: len(broken)]
-
-
-def _complaint(m: Metric) -> str:
-    measured = m.note or f"{format_number(m.value)} {m.unit}"
-    return f"{m.label}: {measured}, tolerance {format_number(m.tolerance)} {m.unit} ({m.source}: {m.reason})"
-
-
-def diagnosis(run: Run) -> list[str]:
-    """When the run begins to differ from the reference and why, in sentences; none for a run that agrees."""
-    diagnosed = run.diagnosis
-    if diagnosed is None:
-        return []
-    when = "in its motion" if run.metrics else "before any motion"
-    if diagnosed.parts_at is not None:
-        holding = ", ".join(diagnosed.holding) or "no stop"
-        when = f"from t = {diagnosed.parts_at:.6g} s, while {holding} held in the reference"
-    only = " The motion follows the reference: only what is read from it differs." if diagnosed.motion_agrees else ""
-    return [f"differs from the reference {when}, first in {diagnosed.leads}.{only} {_likeliest(diagnosed)}"]
-
-
-def _likeliest(diagnosed: Diagnosis) -> str:
-    """The causes that account for enough of the deviation; without one, what the suspects account for."""
-    shares = "; ".join(_suspicion(cause) for cause in diagnosed.named or diagnosed.causes[:3])
-    if diagnosed.named:
-        return f"Likeliest: {shares}."
-    if shares:
-        return f"Cause unknown. No suspect accounts for enough of it, and clearly more than others: {shares}."
-    return "Cause unknown: no suspect accounts for it."
-
-
-def _suspicion(cause: Cause) -> str:
-    """A suspect: what, how much of it, and how much of the deviation that accounts for."""
-    amount = f" ({cause.amount})" if cause.amount else ""
-    return f"{cause.name}{amount}: {100 * cause.explained:.1f} % of it"
+    failed = sum(counted[each] for each in (Outcome.FAILED, Outcome.NOT_EQUIVALENT))
+    rest = sum(counted[each] for each in (Outcome.NOT_JUDGED, Outcome.ABSENT, Outcome.UNSUPPORTED))
+    tiles = [
+        Tile(str(counted[Outcome.AGREES]), "agree", "good" if counted[Outcome.AGREES] else "plain"),
+        Tile(str(counted[Outcome.DISAGREES]), "disagree", "bad" if counted[Outcome.DISAGREES] else "plain"),
+        *([Tile(str(failed), "failed or not equivalent", "bad")] if failed else []),
+        Tile(str(rest), "not judged", "warning" if rest else "plain"),
+    ]
+    ranked = ranking(results)
+    if len(ranked) > 1:
+        for (run, distance), label in ((ranked[0], "nearest to the reference"), (ranked[-1], "farthest from it")):
+            tiles.append(Tile(run.label, label, detail=f"at most {format_number(distance)} m"))
+    return doc.Tiles(tuple(tiles))
 
 
 def _chapter(comparison: Comparison, machine: Machine) -> list[Block]:
     runs = [run for run in comparison.results.runs if run.model == machine.model]
-    pairs = [pair for pair in comparison.results.pairs if pair.model == machine.model]
     return [
         Heading(f"{machine.model.capitalize()} machine", 2, machine.model),
         Text(" ".join(_reference_sentences(machine)), medium="page"),
         Text(predictable(machine)),
-        Heading("How far the reference is known"),
-        *_uncertainty(machine),
-        Heading("Model-equivalence check"),
-        Note(_EQUIVALENCE),
-        table(_EQUIVALENCE_COLUMNS, [run for run in runs if run.equality], _EQUIVALENCE_CAPTION, "page"),
-        Heading("Agreement with the reference"),
-        _agreement(machine, runs),
+        agreement(machine, runs),
         *partings(machine, runs),
-        Note(_COLUMNS),
-        *(_pairs(pairs) if pairs else ()),
-        *plots.figures(comparison, machine),
-        doc.Fold(
-            "Every metric of every run, with tolerances and their reasons",
-            tuple(table(_METRIC_COLUMNS, run.metrics, run.label) for run in runs),
-        ),
+        plots.figures(comparison, machine),
     ]
+
+
+def _evidence(comparison: Comparison, machine: Machine) -> list[Block]:
+    """What stands behind the machine's verdicts, folded away."""
+    runs = [run for run in comparison.results.runs if run.model == machine.model]
+    pairs = [pair for pair in comparison.results.pairs if pair.model == machine.model]
+    return [
+        Heading(f"{machine.model.capitalize()} machine: the evidence", 2, plots.anchor(machine.model, "evidence")),
+        *_uncertainty(machine),
+        *(_pairs(pairs) if pairs else ()),
+        doc.Fold(
+            "Model equivalence: each built model against the reference's equations, before any motion",
+            (table(_EQUIVALENCE_COLUMNS, [run for run in runs if run.equality], _EQUIVALENCE_CAPTION, "page"),),
+            anchor=plots.anchor(machine.model, "equivalence"),
+        ),
+        *(_metrics(machine, run) for run in runs if run.metrics),
+    ]
+
+
+def _metrics(machine: Machine, run: Run) -> doc.Fold:
+    held = len(run.judged) - len(run.broken)
+    title = f"{machine.model}, {run.label}: every quantity, tolerance and reason ({held} of {len(run.judged)} hold)"
+    return doc.Fold(title, (table(_METRIC_COLUMNS, run.metrics, run.label),), anchor=metrics_anchor(run))
 
 
 def _reference_sentences(machine: Machine) -> Iterator[str]:
@@ -301,7 +179,8 @@ def _uncertainty(machine: Machine) -> tuple[Block, ...]:
         "of tolerances and Taylor series in double and extended precision. A tolerance finer than ten times the "
         "reference's uncertainty is refused."
     )
-    return page_only(certified_figures(figures, "Certified values")), Note(text)
+    title = "How far the reference is known: its certificate"
+    return (doc.Fold(title, (page_only(certified_figures(figures, "Certified values")), Note(text))),)
 
 
 def _check(run: Run, kind: str) -> Cell:
@@ -309,7 +188,7 @@ def _check(run: Run, kind: str) -> Cell:
     checks = [check for check in run.equality.checks if check.name == kind] if run.equality else []
     if not checks:
         return Cell("–")
-    return Cell(format_number(_largest(check.value for check in checks)), mark_of(all(check.holds for check in checks)))
+    return Cell(format_number(largest(check.value for check in checks)), mark_of(all(check.holds for check in checks)))
 
 
 def _equal(equality: Equality) -> Cell:
@@ -329,33 +208,11 @@ _EQUIVALENCE_COLUMNS = (
 )
 
 
-def _agreement(machine: Machine, runs: Iterable[Run]) -> Table:
-    heads = (
-        *differences(machine),
-        Column("wall", "s", of=lambda run: "–" if run.wall_time is None else f"{run.wall_time:.2f}", rank=6),
-        Column("steps", of=lambda run: run.steps, medium="page"),
-        Column("verdict", of=verdict_cell, wrap=False, rank=0),
-    )
-    launch = "no launch"
-    if machine.launch_time is not None and machine.launch_speed is not None:
-        launch = f"launch {machine.launch_time:.4f} s, {machine.launch_speed:.3f} m/s"
-    return table(heads, runs, f"{machine.model}: largest differences to the reference ({launch})")
-
-
-def verdict_cell(run: Run) -> Cell:
-    """The outcome, with how many of the judged quantities hold."""
-    judged, held = len(run.judged), len(run.judged) - len(run.broken)
-    counts = f" {held}/{judged}" if run.outcome in COMPARED else ""
-    return Cell(f"{run.outcome.value}{counts}", _MARKS[run.outcome])
-
-
 def _pairs(pairs: Sequence[Pair]) -> tuple[Block, ...]:
     tuned = [pair for pair in pairs if pair.first.endswith("tuned") and pair.second.endswith("tuned")]
     every = table(_PAIR_COLUMNS, pairs, "Engine against engine, all pairs")
     return (
-        Heading("Engine against engine"),
-        _matrix(pairs),
-        doc.Fold("With release times and launch speeds", (every,)),
+        doc.Fold("Engine against engine", (_matrix(pairs), every)),
         table(_PAIR_COLUMNS, tuned, "engine against engine (tuned; the report has all)", "terminal"),
     )
 
@@ -365,7 +222,7 @@ _PAIR_COLUMNS = (
     Column("second", of=lambda pair: pair.second, rank=0),
     Column("position", "m", of=lambda pair: format_number(pair.position_max)),
     Column("release", "s", of=lambda pair: format_number(pair.release_time_max)),
-    Column("speed", "m/s", of=lambda pair: format_number(_largest([pair.launch_speed]))),
+    Column("speed", "m/s", of=lambda pair: format_number(largest([pair.launch_speed]))),
 )
 
 

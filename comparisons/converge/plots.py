@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from ..report.plots import LOGARITHMIC, finish, run_style
+from ..report.plotly_plots import LOGARITHMIC, finish, run_style
 from .results import Curve, PowerLaw, Study
 
 _MARKS = {"tuned": "circle", "stock": "square-open"}

@@ -13,7 +13,7 @@ from plotly.subplots import make_subplots
 from ..report import document as doc
 from ..report.document import Block, Cell, Column, Document, Heading, Medium, Note, Row, Table, Text, row, table
 from ..report.numbers import format_number, format_percent
-from ..report.plots import finish
+from ..report.plotly_plots import finish
 from ..report.sections import compared_time, provenance
 from .results import Budget, Explanation, Figures, Machine, Measurement, Quantity, Share, StockAgainstTuned
 

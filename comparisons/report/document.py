@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
 
     from ...models.drawing.scene import Scene
+    from .plots import Panels
 
-Mark = Literal["plain", "good", "bad", "warning", "muted", "strong"]
+Mark = Literal["plain", "good", "bad", "warning", "unjudged", "muted", "strong"]
 Medium = Literal["any", "page", "terminal"]
 
 
@@ -44,7 +45,10 @@ class Placed:
 
 @dataclass(frozen=True)
 class Heading(Placed):
-    """A heading; level 2 opens a chapter, 3 a section, 4 a part of one. The title of the document is level 1."""
+    """A heading; level 2 opens a chapter, 3 a section, 4 a part of one. The title of the document is level 1.
+
+    Without an anchor it has one from its text.
+    """
 
     text: str
     level: Literal[2, 3, 4] = 3
@@ -84,6 +88,7 @@ class Tile:
     value: str
     label: str
     mark: Mark = "plain"
+    detail: str = ""
 
 
 @dataclass(frozen=True)
@@ -164,6 +169,10 @@ class Cell:
     mark: Mark = "plain"
     detail: str = ""
     hint: str = ""
+    link: str = ""
+    """Anchor of what the page shows of it elsewhere."""
+    heat: float | None = None
+    """From -1, far within its tolerance, to 1, far beyond it; the page colours it."""
 
 
 @dataclass(frozen=True)
@@ -239,12 +248,25 @@ def row(*values: object, anchor: str = "", medium: Medium = "any") -> Row:
 
 @dataclass(frozen=True)
 class Figure(Placed):
-    """A plot with its title and the sentence that says how to read it."""
+    """Plots with their title and the sentence that says how to read them."""
 
-    plot: go.Figure | Callable[[], go.Figure]
+    plot: go.Figure | Panels | Callable[[], go.Figure | Panels]
     """Or what draws it, for a page only."""
     title: str = ""
     caption: str = ""
+    anchor: str = ""
+    group: str = ""
+    """Figures of one group zoom together."""
+    columns: int = 0
+    """Plots in a row where there is room; 0: up to three."""
+    medium: Medium = field(default="page", kw_only=True)
+
+
+@dataclass(frozen=True)
+class Grid(Placed):
+    """Figures beside each other, as many as there is room for."""
+
+    blocks: tuple[Figure, ...]
     medium: Medium = field(default="page", kw_only=True)
 
 
@@ -274,10 +296,11 @@ class Fold(Placed):
     title: str
     blocks: tuple[Block, ...]
     opened: bool = False
+    anchor: str = ""
     medium: Medium = field(default="page", kw_only=True)
 
 
-Block = Heading | Text | Listing | Tiles | Table | Figure | Animation | Code | Fold
+Block = Heading | Text | Listing | Tiles | Table | Figure | Grid | Animation | Code | Fold
 
 
 @dataclass(frozen=True)
@@ -287,6 +310,8 @@ class Document:
     title: str
     blocks: tuple[Block, ...]
     window: str = "trebucheck"
+    command: str = ""
+    """What makes this very report again."""
 
 
 _P = TypeVar("_P", bound=Placed)

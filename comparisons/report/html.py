@@ -1,30 +1,207 @@
-"""A document as one HTML file that needs nothing else."""
+"""A document as one HTML file that needs nothing else: no network, no other file."""
 
 from __future__ import annotations
 
+import json
+import re
+from base64 import b64encode
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from typing import Any
 
+import numpy as np
 import plotly.graph_objects as go
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
+from ...models.arrays import FloatArray
 from ...models.drawing import animation
-from .document import Animation, Document, in_medium
+from .document import Animation, Document, Figure, Heading, in_medium
+from .plots import Axis, Panels, Plot, Series
 
-SIGNS = {"good": "✓", "bad": "✗", "warning": "!"}
+SIGNS = {"good": "✓", "bad": "✗", "warning": "!", "unjudged": "○"}
 """Before what is marked so, for those who do not see the colour."""
 
 
 def page(document: Document) -> str:
     """The whole page as HTML text, scripts and all."""
+    state = _Page()
     return _template().render(
-        document=document, in_medium=in_medium, signs=SIGNS, embedded=_embedded, plotly=Markup(get_plotlyjs()),
-        animated=_animated, animation_assets=animation.assets,
-    )  # fmt: skip
+        document=document,
+        in_medium=in_medium,
+        signs=SIGNS,
+        asset=_asset,
+        animated=_animated,
+        animation_assets=animation.assets,
+        anchor=state.anchor,
+        outline=lambda: state.outline,
+        drawn=state.drawn,
+        arrays=lambda: Markup(_json(state.arrays)),
+        has_plots=lambda: state.has_plots,
+        embedded=state.embedded,
+        is_description=lambda block: isinstance(_panels(block), tuple),
+        plotly=lambda: Markup(get_plotlyjs()),
+        uses_plotly=lambda: state.uses_plotly,
+    )
+
+
+@dataclass
+class Entry:
+    """A heading in the contents, with those below it."""
+
+    text: str
+    anchor: str
+    parts: list[Entry] = field(default_factory=list["Entry"])
+
+
+@dataclass(frozen=True)
+class Key:
+    """An entry of a legend."""
+
+    name: str
+    swatch: Markup
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A plot's place on the page, and what it shows in words."""
+
+    title: str
+    alt: str
+    height: int
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A figure's legend, the places of its plots, and their data."""
+
+    legend: list[Key]
+    panels: list[Panel]
+    columns: int
+    data: Markup
+
+
+@dataclass
+class _Page:
+    """What is collected while blocks are rendered: contents, arrays that several plots share."""
+
+    outline: list[Entry] = field(default_factory=list["Entry"])
+    arrays: list[str] = field(default_factory=list[str])
+    taken: set[str] = field(default_factory=set[str])
+    has_plots: bool = False
+    uses_plotly: bool = False
+    _index: dict[str, int] = field(default_factory=dict[str, int])
+
+    def anchor(self, heading: Heading) -> str:
+        """The heading's anchor, on this page once; chapters and sections come into the contents."""
+        stem = heading.anchor or re.sub(r"[^a-z0-9]+", "-", heading.text.lower()).strip("-") or "part"
+        anchor = next(name for name in (stem, *(f"{stem}-{n}" for n in range(2, 10**6))) if name not in self.taken)
+        self.taken.add(anchor)
+        if heading.level == 2:
+            self.outline.append(Entry(heading.text, anchor))
+        elif heading.level == 3 and self.outline:
+            self.outline[-1].parts.append(Entry(heading.text, anchor))
+        return anchor
+
+    def drawn(self, block: Figure) -> Drawn:
+        """A figure's plots, their arrays put among those of the page."""
+        self.has_plots = True
+        panels = _panels(block)
+        if not isinstance(panels, tuple):
+            raise TypeError(f"{block.title} is not a description of plots")
+        listed = {series.name: series for plot in panels for series in plot.series if series.listed}
+        legend = [Key(series.name, _swatch(series)) for series in listed.values()] if len(listed) > 1 else []
+        places = [Panel(plot.title, _alt(block, plot), plot.height) for plot in panels]
+        if block.anchor and block.title and self.outline:
+            self.outline[-1].parts.append(Entry(block.title, block.anchor))
+        columns = block.columns or min(len(panels), 3)
+        return Drawn(legend, places, columns, Markup(_json([self._plot(plot) for plot in panels])))
+
+    def _plot(self, plot: Plot) -> dict[str, Any]:
+        parts: dict[str, Any] = {name: [vars(each) for each in getattr(plot, name)] for name in _PARTS}
+        series = [self._series(each) for each in plot.series]
+        return parts | {
+            "x": _axis(plot.x), "y": _axis(plot.y), "series": series, "equal": plot.equal, "height": plot.height
+        }  # fmt: skip
+
+    def _series(self, series: Series) -> dict[str, Any]:
+        low, high = (None, None) if series.spread is None else map(self._add, series.spread)
+        return {
+            "name": series.name, "x": self._add(series.x), "y": self._add(series.y), "low": low, "high": high,
+            "style": vars(series.style), "mark": series.mark, "hints": series.hints,
+        }  # fmt: skip
+
+    def _add(self, values: FloatArray) -> int:
+        """Number of an array among those of the page, each of which is there once, in single precision."""
+        text = b64encode(np.asarray(values, dtype="<f4").tobytes()).decode()
+        if text not in self._index:
+            self._index[text] = len(self.arrays)
+            self.arrays.append(text)
+        return self._index[text]
+
+    def embedded(self, plot: go.Figure | Callable[[], go.Figure]) -> Markup:
+        """A figure as HTML that needs plotly.js on its page."""
+        self.uses_plotly = True
+        plot = plot if isinstance(plot, go.Figure) else plot()
+        options: dict[str, Any] = {"displaylogo": False, "responsive": True}
+        return Markup(plot.to_html(full_html=False, include_plotlyjs=False, config=options))
+
+
+_PARTS = ("labels", "rules", "bands")
+
+
+def _axis(axis: Axis) -> dict[str, Any]:
+    return vars(axis)
+
+
+def _panels(block: Figure) -> go.Figure | Panels:
+    return block.plot() if callable(block.plot) else block.plot
+
+
+def _alt(block: Figure, plot: Plot) -> str:
+    """What a plot shows, for those who do not see it."""
+    names = ", ".join(dict.fromkeys(series.name for series in plot.series if series.name))
+    title = ", ".join(filter(None, (block.title, plot.title))) or "Plot"
+    return f"{title}: {_title(plot.y)} against {_title(plot.x)}; {names}."
+
+
+def _title(axis: Axis) -> str:
+    return f"{axis.title} [{axis.unit}]".strip() if axis.unit not in ("", "1") else axis.title or "value"
+
+
+def _swatch(series: Series) -> Markup:
+    """A short stretch of a series, as in its plot."""
+    style, line = series.style, series.mark in ("line", "both")
+    dash = Markup(' stroke-dasharray="4 3"') if style.dashed else ""
+    drawn = Markup('<path d="M1 6H29" stroke="{}" stroke-width="{}"{}/>').format(
+        style.colour, min(style.width, 4), dash
+    )
+    return Markup('<svg viewBox="0 0 30 12" aria-hidden="true">{}{}</svg>').format(
+        drawn if line else "", "" if series.mark == "line" else _symbol(series)
+    )
+
+
+_SYMBOLS = {
+    "circle": "M15 2a4 4 0 1 0 .01 0z",
+    "square": "M11 2h8v8h-8z",
+    "diamond": "M15 1l5 5-5 5-5-5z",
+    "triangle": "M15 1.500l5 8.500h-10z",
+}
+
+
+def _symbol(series: Series) -> Markup:
+    style = series.style
+    fill = "none" if style.dashed and series.mark != "bar" else style.colour
+    shape = _SYMBOLS["square" if series.mark == "bar" else style.symbol]
+    return Markup('<path d="{}" fill="{}" stroke="{}"/>').format(shape, fill, style.colour)
+
+
+def _json(value: object) -> str:
+    """JSON that is safe inside a script element."""
+    return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
 def _animated(block: Animation) -> Markup:
@@ -34,14 +211,12 @@ def _animated(block: Animation) -> Markup:
 
 
 @cache
+def _asset(name: str) -> Markup:
+    return Markup(files(__package__ or "").joinpath("assets", name).read_text(encoding="utf-8"))
+
+
+@cache
 def _template() -> Template:
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     text = files(__package__ or "").joinpath("templates/page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(text)
-
-
-def _embedded(plot: go.Figure | Callable[[], go.Figure]) -> Markup:
-    """A figure as HTML that needs plotly.js on its page."""
-    plot = plot if isinstance(plot, go.Figure) else plot()
-    options: dict[str, Any] = {"displaylogo": False, "responsive": True}
-    return Markup(plot.to_html(full_html=False, include_plotlyjs=False, config=options))

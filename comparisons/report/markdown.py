@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from .document import Block, Cell, Code, Document, Figure, Fold, Heading, Listing, Table, Text, Tiles, in_medium
+from .document import Block, Cell, Code, Document, Figure, Fold, Grid, Heading, Listing, Table, Text, Tiles, in_medium
 from .html import SIGNS
 
 
@@ -39,6 +39,8 @@ def _part(block: Block, signs: bool) -> str:
             part = f"{block.title}\n\n```\n{block.text.rstrip()}\n```"
         case Figure():
             part = f"**{block.title}** {block.caption}".rstrip()
+        case Grid():
+            part = "\n\n".join(_parts(block.blocks, signs))
         case Fold():
             inner = "\n\n".join(_parts(block.blocks, signs))
             part = f"<details><summary>{_plain(block.title)}</summary>\n\n{inner}\n\n</details>"

@@ -1,18 +1,19 @@
-"""What all plots share: colours and line styles, the layout, and the drawn machine."""
+"""A plot as data: series over axes, with labels, rules and bands; pages and `figures` draw it.
+
+Colours are engines' own; dashes tell the preset and symbols repeat it, so that no line is told by its colour alone.
+"""
 
 from __future__ import annotations
 
-import math
-from typing import Any
-
-import plotly.graph_objects as go
+from dataclasses import dataclass
+from typing import Literal
 
 from ...engines.registry import engine_study
 from ...models.arrays import FloatArray
-from ...models.kinematics import Kinematics
-from ...models.mechanism import Mechanism
 
-_COLOURS = ("#9467bd", "#8c564b", "#e377c2", "#17becf")  # of engines that bring none
+_COLOURS = ("#CC79A7", "#56B4E9", "#E69F00", "#8C6BB1")  # of engines that bring none: further ones of Okabe and Ito
+INK = "currentColor"
+"""The colour of the text around a plot, for what belongs to no engine."""
 
 
 def engine_colour(name: str) -> str:
@@ -20,39 +21,100 @@ def engine_colour(name: str) -> str:
     return engine_study(name).colour or _COLOURS[sum(map(ord, name)) % len(_COLOURS)]
 
 
-LOGARITHMIC: dict[str, Any] = {"type": "log", "exponentformat": "power"}
-"""An axis."""
-REFERENCE_LINE = {"color": engine_colour("reference"), "width": 4}
+@dataclass(frozen=True)
+class Style:
+    """How a series is drawn."""
+
+    colour: str = INK
+    dashed: bool = False
+    width: float = 1.6
+    """Of a line [px]."""
+    symbol: Literal["circle", "square", "diamond", "triangle"] = "circle"
+
+
+REFERENCE = Style(INK, width=4.0)
 """Below the lines of the engines, which hide it where they agree."""
 
 
-def run_style(engine: str, preset: str) -> dict[str, Any]:
-    """Colour by engine, dashes by preset."""
-    return {"color": engine_colour(engine), "dash": "solid" if preset == "tuned" else "dot", "width": 1.6}
+def run_style(engine: str, preset: str) -> Style:
+    """Colour by engine; a preset that is not the tuned one is dashed and has squares."""
+    tuned = preset == "tuned"
+    return Style(engine_colour(engine), dashed=not tuned, symbol="circle" if tuned else "square")
 
 
-def finish(figure: go.Figure, height: int, legend_at: float = -0.16) -> go.Figure:
-    """Lay out a figure: height in pixels, legend below at that share of the height."""
-    figure.update_layout(
-        template="plotly_white",
-        height=height,
-        margin={"l": 70, "r": 20, "t": 50, "b": 50},
-        legend={"orientation": "h", "y": legend_at},
-        font={"family": "system-ui, sans-serif", "size": 13},
-    )
-    return figure
+@dataclass(frozen=True)
+class Axis:
+    """What an axis measures; a pure number has no unit."""
+
+    title: str
+    unit: str = ""
+    logarithmic: bool = False
+    """Values that are not positive are then left out."""
+    categories: tuple[str, ...] = ()
+    """Names of the positions 0, 1, ...; empty for an axis of numbers."""
 
 
-def skeleton(mechanism: Mechanism, kinematics: Kinematics, q: FloatArray) -> tuple[list[float], list[float]]:
-    """Each body as the polyline of its joints, markers and centre, one after the other with gaps between [m]."""
-    xs: list[float] = []
-    ys: list[float] = []
-    for body in mechanism.bodies:
-        points = {body.centre}
-        points |= {joint.child_point for joint in mechanism.joints if joint.child == body.name}
-        points |= {joint.parent_point for joint in mechanism.joints if joint.parent == body.name}
-        points |= {marker.point for marker in mechanism.markers if marker.body == body.name}
-        where = [kinematics.position(kinematics.point(body.name, point), q) for point in sorted(points)]
-        xs += [*(float(p[0]) for p in where), math.nan]
-        ys += [*(float(p[1]) for p in where), math.nan]
-    return xs, ys
+@dataclass(frozen=True)
+class Series:
+    """Points of one name; NaN is a gap."""
+
+    name: str
+    x: FloatArray
+    y: FloatArray
+    style: Style = Style()
+    mark: Literal["line", "points", "both", "bar"] = "line"
+    hints: tuple[str, ...] = ()
+    """What is said of each point where it is pointed at, besides its numbers."""
+    spread: tuple[FloatArray, FloatArray] | None = None
+    """Least and largest x of each point."""
+    listed: bool = True
+    """In the legend."""
+
+
+@dataclass(frozen=True)
+class Label:
+    """A text at a point."""
+
+    x: float
+    y: float
+    text: str
+    colour: str = INK
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A line across the plot, at an x or a y."""
+
+    at: float
+    text: str = ""
+    across: Literal["x", "y"] = "x"
+
+
+@dataclass(frozen=True)
+class Band:
+    """An interval of x, shaded."""
+
+    start: float
+    end: float
+    colour: str
+
+
+@dataclass(frozen=True)
+class Plot:
+    """Series over two axes."""
+
+    x: Axis
+    y: Axis
+    series: tuple[Series, ...]
+    title: str = ""
+    labels: tuple[Label, ...] = ()
+    rules: tuple[Rule, ...] = ()
+    bands: tuple[Band, ...] = ()
+    equal: bool = False
+    """One scale for both axes."""
+    height: int = 280
+    """[px]; follows from the width where the scales are equal."""
+
+
+Panels = tuple[Plot, ...]
+"""Plots beside each other under one legend."""

@@ -18,6 +18,7 @@ _STYLES: dict[Mark, str] = {
     "good": "green",
     "bad": "bold red",
     "warning": "yellow",
+    "unjudged": "dim",
     "muted": "dim",
     "strong": "bold",
 }

@@ -16,7 +16,7 @@ from ...models.machines.trebuchet import COUNTERWEIGHT
 from ...reference.throw.flight import Flight, Surroundings, fly
 from ...reference.throw.members import axial_force, carries, members, supports, upward_force
 from ...reference.throw.throw import Performance
-from ..report.plots import finish, skeleton
+from ..report.plotly_plots import finish, skeleton
 
 _FRAMES = 13  # positions of the machine, at equal intervals of time
 _POINTS = 600

@@ -122,5 +122,5 @@ STUDY = EngineStudy(
     option_sets=_OPTION_SETS,
     tolerances=_TOLERANCES,
     snippets=_snippets,
-    colour="#2a9d5c",
+    colour="#009E73",
 )

@@ -225,5 +225,5 @@ STUDY = EngineStudy(
     option_sets=_OPTION_SETS,
     tolerances=_TOLERANCES,
     snippets=_snippets,
-    colour="#1f77b4",
+    colour="#0072B2",
 )

@@ -136,5 +136,5 @@ STUDY = EngineStudy(
     option_sets=_OPTION_SETS,
     tolerances=_TOLERANCES,
     snippets=_snippets,
-    colour="#d9730d",
+    colour="#D55E00",
 )

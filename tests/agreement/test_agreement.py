@@ -12,7 +12,8 @@ import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from trebucheck.comparisons.compare.report import complaints, quantities
+from trebucheck.comparisons.compare.agreement import quantities
+from trebucheck.comparisons.compare.sentences import complaints
 from trebucheck.comparisons.compare.study import Comparison
 from trebucheck.comparisons.runs.results import Outcome, Run
 from trebucheck.engines.registry import engine_study

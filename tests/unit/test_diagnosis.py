@@ -12,7 +12,7 @@ from conftest import machine_parameters
 from faulty import Faulty, body, parameters
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from trebucheck.comparisons.compare.report import diagnosis
+from trebucheck.comparisons.compare.sentences import diagnosis
 from trebucheck.comparisons.diagnosis.model import check_and_diagnose
 from trebucheck.comparisons.diagnosis.onset import active_contacts_at, growth
 from trebucheck.comparisons.diagnosis.signatures import match

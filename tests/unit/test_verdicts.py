@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from formulas import END, Formula, times, trolley
-from trebucheck.comparisons.compare.report import complaints, verdict
+from trebucheck.comparisons.compare.sentences import complaints, verdict
 from trebucheck.comparisons.runs.pairs import Compared, pair_of
 from trebucheck.comparisons.runs.results import (
     COMPARED,
