@@ -42,7 +42,7 @@ def page(document: Document) -> str:
         arrays=lambda: Markup(_json(state.arrays)),
         has_plots=lambda: state.has_plots,
         embedded=state.embedded,
-        is_description=lambda block: isinstance(_panels(block), tuple),
+        is_description=_is_description,
         plotly=lambda: Markup(get_plotlyjs()),
         uses_plotly=lambda: state.uses_plotly,
     )
@@ -159,6 +159,10 @@ def _axis(axis: Axis) -> dict[str, Any]:
 
 def _panels(block: Figure) -> go.Figure | Panels:
     return block.plot() if callable(block.plot) else block.plot
+
+
+def _is_description(block: Figure) -> bool:
+    return isinstance(_panels(block), tuple)
 
 
 def _alt(block: Figure, plot: Plot) -> str:
