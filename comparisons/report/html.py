@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from base64 import b64encode
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
@@ -41,8 +40,6 @@ def page(document: Document) -> str:
         drawn=state.drawn,
         arrays=lambda: Markup(_json(state.arrays)),
         has_plots=lambda: state.has_plots,
-        embedded=state.embedded,
-        is_description=_is_description,
         plotly=lambda: Markup(get_plotlyjs()),
         uses_plotly=lambda: state.uses_plotly,
     )
@@ -106,12 +103,12 @@ class _Page:
             self.outline[-1].parts.append(Entry(heading.text, anchor))
         return anchor
 
-    def drawn(self, block: Figure) -> Drawn:
+    def drawn(self, block: Figure) -> Drawn | Markup:
         """A figure's plots, their arrays put among those of the page."""
-        self.has_plots = True
         panels = _panels(block)
         if not isinstance(panels, tuple):
-            raise TypeError(f"{block.title} is not a description of plots")
+            return self._embedded(panels)
+        self.has_plots = True
         listed = {series.name: series for plot in panels for series in plot.series if series.listed}
         legend = [Key(series.name, _swatch(series)) for series in listed.values()] if len(listed) > 1 else []
         places = [Panel(plot.title, _alt(block, plot), plot.height) for plot in panels]
@@ -142,10 +139,9 @@ class _Page:
             self.arrays.append(text)
         return self._index[text]
 
-    def embedded(self, plot: go.Figure | Callable[[], go.Figure]) -> Markup:
+    def _embedded(self, plot: go.Figure) -> Markup:
         """A figure as HTML that needs plotly.js on its page."""
         self.uses_plotly = True
-        plot = plot if isinstance(plot, go.Figure) else plot()
         options: dict[str, Any] = {"displaylogo": False, "responsive": True}
         return Markup(plot.to_html(full_html=False, include_plotlyjs=False, config=options))
 
@@ -159,10 +155,6 @@ def _axis(axis: Axis) -> dict[str, Any]:
 
 def _panels(block: Figure) -> go.Figure | Panels:
     return block.plot() if callable(block.plot) else block.plot
-
-
-def _is_description(block: Figure) -> bool:
-    return isinstance(_panels(block), tuple)
 
 
 def _alt(block: Figure, plot: Plot) -> str:
