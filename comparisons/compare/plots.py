@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...models.arrays import FloatArray
+from ...models.drawing.scene import RunLook, Scene, scene
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
-from ..report.document import Figure, Grid
+from ..report.document import Animation, Figure, Grid
 from ..report.plots import REFERENCE, Axis, Panels, Plot, Rule, Series, Style, run_style
 from ..runs.balance import sampled_balance
 
@@ -81,6 +82,26 @@ def thinned(t: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         return t, values
     edges = np.linspace(0, len(t), _POINTS + 1).astype(int)
     return t[edges[1:] - 1], np.array([values[a:b].max() for a, b in pairwise(edges)])
+
+
+def motion(comparison: Comparison) -> Animation:
+    """Every machine in motion, all its runs over the reference."""
+
+    def scenes() -> tuple[Scene, ...]:
+        return tuple(_scene(comparison, machine) for machine in comparison.results.machines)
+
+    return Animation(scenes)
+
+
+def _scene(comparison: Comparison, machine: Machine) -> Scene:
+    looks: dict[str, RunLook] = {}
+    for (model, label), trajectory in comparison.trajectories.items():
+        if model == machine.model and label != "reference tuned":
+            style = run_style(trajectory.provenance.engine, trajectory.provenance.preset)
+            looks[label] = RunLook(trajectory, style.colour, style.dashed)
+    states = comparison.solutions[machine.model].trajectory
+    end, thrown, launch = machine.compared_to, machine.thrown, machine.launch_time
+    return scene(states, looks, end=end, thrown=thrown, launch=launch, name=machine.model)
 
 
 def figures(comparison: Comparison, machine: Machine) -> Grid:

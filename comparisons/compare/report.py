@@ -70,6 +70,7 @@ def document(comparison: Comparison) -> Document:
     blocks: list[Block] = [
         page_only(Text(verdict(results), mark_of(results.passed))),
         _tiles(results),
+        *([plots.motion(comparison)] if results.machines else []),
         overview(results),
     ]
     if any(run.wall_time for run in results.ran):

@@ -53,7 +53,7 @@ ERRORS = table(
 def test_marks_are_signs_on_a_page_and_not_only_colours() -> None:
     page = _page(ERRORS, Text("it fails", "bad"), Text("it holds", "good"))
     assert re.search(r'<td data-label="[^"]*" class="right good"><span class="sign">✓</span> 1.3e-8</td>', page)
-    assert re.search(r'<td class="right bad"><span class="sign">✗</span> 2.5e-4</td>', page)
+    assert re.search(r'<td data-label="[^"]*" class="right bad"><span class="sign">✗</span> 2.5e-4</td>', page)
     assert re.search(r'<p class="boxed bad"><span class="sign">✗</span> it fails</p>', page)
     assert re.search(r'<p class="boxed good"><span class="sign">✓</span> it holds</p>', page)
 
