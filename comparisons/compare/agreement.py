@@ -103,6 +103,8 @@ _QUANTITIES = (
     Quantity("joint force", "1", "joint_reaction_relative", judged="joint_reaction_max", plot=plots.JOINT_FORCES),
     Quantity("energy", "1", "energy_drift", judged="energy_balance", short="energy", rank=3, plot=plots.ENERGY),
 )
+OVERVIEW = (_POSITION, *_QUANTITIES)
+"""One value of each quantity, whatever markers the mechanism has."""
 
 
 def quantities(machine: Machine) -> tuple[Quantity, ...]:
@@ -135,7 +137,7 @@ _WALL = Column("wall", "s", of=lambda run: "–" if run.wall_time is None else f
 
 def overview(results: Results) -> Table:
     """Every run of every machine against every quantity, for a page."""
-    quantities = [q for q in (_POSITION, *_QUANTITIES) if any(q.metrics(run) for run in results.runs)]
+    quantities = [q for q in OVERVIEW if any(q.metrics(run) for run in results.runs)]
     heads = [
         Column("engine", of=lambda run: run.label),
         Column("verdict", align="left", of=verdict_cell),

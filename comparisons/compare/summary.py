@@ -8,7 +8,8 @@ from ..report.document import Block, Code, Column, Document, Fold, Listing, Note
 from ..report.numbers import format_settings, sentence
 from ..runs.results import Diagnosis, Outcome, Results, Run
 from ..runs.study import REFERENCE
-from .report import OVERVIEW, complaints, verdict, verdict_cell
+from .agreement import OVERVIEW, verdict_cell
+from .sentences import complaints, verdict
 
 _ROWS, _CAUSES, _COMPLAINTS = 16, 6, 10
 """Runs and causes that are shown at once, and sentences on broken tolerances of a run behind a fold."""

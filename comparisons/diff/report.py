@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 
-from ..compare.report import diagnosis
+from ..compare.sentences import diagnosis
 from ..compare.summary import cause
 from ..report.document import (
     Block,

@@ -12,6 +12,7 @@ import pytest
 import trebucheck as tb
 from rich.console import Console
 from trebucheck.comparisons.compare import report
+from trebucheck.comparisons.compare.agreement import verdict_cell
 from trebucheck.comparisons.compare.study import Comparison
 from trebucheck.comparisons.problems.report import listing
 from trebucheck.comparisons.report import terminal
@@ -68,7 +69,7 @@ def test_no_line_is_longer_than_the_terminal() -> None:
 
 
 def test_verdicts_and_engines_are_whole_at_every_width() -> None:
-    shown = [*dict.fromkeys(report._verdict_cell(run).text for run in _comparison().results.runs)]
+    shown = [*dict.fromkeys(verdict_cell(run).text for run in _comparison().results.runs)]
     for width in WIDTHS:
         lines = _agreement(width)
         for verdict in shown:
