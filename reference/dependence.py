@@ -39,7 +39,8 @@ class Scales:
         return Basis(basis[..., :rank, :], basis[..., rank:, :])
 
     def _scaled(self, jacobian: FloatArray) -> FloatArray:
-        return self.rows[:, None] * jacobian * self.columns
+        """S of constraints in positions (...), shape (..., n_constraints, n_q)."""
+        return self.rows[..., None] * jacobian * self.columns[..., None, :]
 
 
 @dataclass(frozen=True)
@@ -56,11 +57,11 @@ def scales_of(inertia: FloatArray, amplitudes: FloatArray) -> Scales:
     """Scales of constraints.
 
     Args:
-        inertia: the mass matrix' diagonal, shape (n_q,).
-        amplitudes: the greatest values of the constraints' derivatives in any position, shape (n_constraints, n_q).
+        inertia: the mass matrix' diagonal, shape (..., n_q).
+        amplitudes: the greatest values of the constraints' derivatives in any position, (..., n_constraints, n_q).
     """
     columns = 1.0 / np.sqrt(np.where(inertia > 0, inertia, 1.0))
-    lengths = np.linalg.norm(amplitudes * columns, axis=-1)
+    lengths = np.linalg.norm(amplitudes * columns[..., None, :], axis=-1)
     return Scales(1.0 / np.where(lengths > 0, lengths, 1.0), columns)
 
 

@@ -204,7 +204,8 @@ def launches(machines: Sequence[Mechanism], duration: float, alone: bool = True)
             raise
         return [_launch(machine) for machine in machines]
     rows = zip(machines, batch.launched, batch.speed, batch.time, batch.q, strict=True)
-    return [_checked(machine, q, float(v), float(t)) if ok else _NONE for machine, ok, v, t, q in rows]
+    found = [_checked(machine, q, float(v), float(t)) if ok else _NONE for machine, ok, v, t, q in rows]
+    return [_launch(machines[i]) if i in batch.failures else throw for i, throw in enumerate(found)]
 
 
 def _launch(machine: Mechanism) -> Launched:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...models.arrays import FloatArray, IndexArray
-from ...models.errors import InputError
+from ...models.errors import InputError, SimulationError
 from ...models.kinematics import Kinematics, PointCoefficients, initial_state
 from ...models.launch import is_launch
 from ...models.mechanism import Mechanism
@@ -25,6 +25,8 @@ from ..equations import Equations
 from ..reactions import refuse_dependent
 from .compiled import batch_pool, torque_function
 from .machine import PROJECTILE, Structure, numbers_of, projectile_row, relevant_stops, rests_of, structure_of
+from .rank import RankGuard
+from .solve import taylor_quantities
 from .system import heyoka
 
 BATCH_TOLERANCE = 1e-12
@@ -82,18 +84,15 @@ def launch_batch(
         raise InputError(f"tolerance = {tolerance!r} is not between 2.3e-16 and 0.01.")
     source, kind, parts = iter(mechanisms), None, list[BatchLaunches]()
     machines: _Machines | None = None
+    lanes = int(heyoka().recommended_simd_size())
     while chunk := list(islice(source, _CHUNK)):
         kind = kind or _Kind(chunk[0], duration)
         machines = _Machines(chunk, kind, len(parts) * _CHUNK, machines and machines.structure)
-        with batch_pool(machines.structure, tolerance, _lanes()).lend() as integrator:
+        with batch_pool(machines.structure, tolerance, lanes).lend() as integrator:
             parts.append(_Lanes(integrator, machines, duration, tolerance).run())
     if not parts:
         raise InputError("mechanisms is empty; at least one is needed.")
     return _joined(parts)
-
-
-def _lanes() -> int:
-    return int(heyoka().recommended_simd_size())
 
 
 def _joined(parts: Sequence[BatchLaunches]) -> BatchLaunches:
@@ -143,6 +142,7 @@ class _Machines:
 
     def __init__(self, mechanisms: Sequence[Mechanism], kind: _Kind, first: int, before: Structure | None) -> None:
         self.mechanisms, self.kind = mechanisms, kind
+        self.guard: RankGuard | None = None
         self.names = tuple(stop.name for stop in mechanisms[0].stops)
         self.stops = relevant_stops(kind.problem)
         groups: list[tuple[IndexArray, Problem, Kinematics]] = []
@@ -197,7 +197,11 @@ class _Machines:
             self.parameters[active] = ~(pulls & (pulls.sum(axis=0) == 1))
             self.plain &= np.all(self._torques() >= 0, axis=0)
         self.released_at_start = self.parameters[active].T == 0
-        for i in np.flatnonzero(~self.plain).tolist():
+        self.alone = np.zeros(len(self.mechanisms), dtype=bool)
+        if self.structure.n_loops:
+            self.guard = RankGuard(self.structure, self.parameters, self.states[: self.structure.n_q])
+            self.alone = self.guard.near_at_start
+        for i in np.flatnonzero(~self.plain & ~self.alone).tolist():
             equations = Equations(self.mechanisms[i])
             initial = ActiveSet(self.problem(i), equations).begin()
             refuse_dependent(equations, initial.q, initial.closed, "the Taylor integrator")
@@ -226,10 +230,12 @@ class _Lanes:
         self.integrator = integrator
         self.machines = machines
         self.structure = machines.structure
-        self.duration = duration
+        self.duration, self.tolerance = duration, tolerance
+        self.failures: dict[int, str] = {}
         self.state, self.pars = integrator.state, integrator.pars
         n = len(machines.mechanisms)
-        self.waiting = iter(range(n))
+        together = np.flatnonzero(~machines.alone).tolist()
+        self.waiting, self.last = iter(together), together[-1] if together else 0
         self.machine = [-1] * int(integrator.batch_size)
         self.releases = np.where(machines.released_at_start, 0.0, np.nan)
         self.time = np.full(n, np.nan)
@@ -238,37 +244,59 @@ class _Lanes:
 
     def run(self) -> BatchLaunches:
         """Until every machine has launched, or not within the duration."""
-        success = heyoka().taylor_outcome.success
+        outcomes, guard = heyoka().taylor_outcome, self.machines.guard
+        for i in np.flatnonzero(self.machines.alone).tolist():
+            self._solve_alone(i)
         for lane in range(len(self.machine)):
             self._load(lane)
         while max(self.machine) >= 0:
-            self.integrator.step()
+            self.integrator.step(write_tc=guard is not None)
             late = (self.integrator.time > self.duration).tolist()
+            near = None if guard is None else guard.after_step(self.integrator, np.array(self.machine)).tolist()
             for lane, (outcome, _) in enumerate(self.integrator.step_res):
                 if self.machine[lane] < 0:
-                    continue
-                if late[lane]:
+                    if outcome == outcomes.err_nf_state:
+                        self._load(lane)
+                elif near is not None and near[lane]:
+                    self._solve_alone(self.machine[lane])
                     self._load(lane)
-                elif outcome != success:
+                elif late[lane]:
+                    self._load(lane)
+                elif outcome != outcomes.success:
                     self._event(lane, int(outcome))
         n_q = self.structure.n_q
         releases = {name: np.full(len(self.time), np.nan) for name in self.machines.names}
         releases |= dict(zip(self.machines.stops, self.releases.T, strict=True))
         launched = np.isfinite(self.time)
-        return BatchLaunches(
-            releases, launched, self.time, self.velocity, self.at_launch[:, :n_q], self.at_launch[:, n_q:]
-        )
+        q, u = self.at_launch[:, :n_q], self.at_launch[:, n_q:]
+        return BatchLaunches(releases, launched, self.time, self.velocity, q, u, self.failures)
+
+    def _solve_alone(self, i: int) -> None:
+        """A machine that the lanes cannot take on: through singular positions, or to a sentence why not."""
+        self.releases[i] = np.nan
+        try:
+            found = taylor_quantities(self.machines.problem(i), "double", self.tolerance)
+        except SimulationError as error:
+            self.failures[i] = str(error)
+            return
+        times = (found.release_times[name] for name in self.machines.stops)
+        self.releases[i] = [np.nan if time is None else time for time in times]
+        if found.launch_q is not None and found.launch_u is not None:
+            self.time[i], self.velocity[i] = found.launch_time, found.launch_velocity
+            self.at_launch[i] = np.concatenate([found.launch_q, found.launch_u])
 
     def _load(self, lane: int) -> None:
-        """Give a lane the next machine; without one its results are ignored."""
-        i = next(self.waiting, -1)
-        self.machine[lane] = i
+        """Give a lane the next machine; without one it takes the last again, and its results are ignored."""
+        self.machine[lane] = next(self.waiting, -1)
+        i = self.last if self.machine[lane] < 0 else self.machine[lane]
         self.state[:-1, lane] = self.machines.states[:, i]
         self.state[-1, lane] = 0.0
         self.pars[:, lane] = self.machines.parameters[:, i]
         self._look_for_launch(lane)
         high, low = (part.copy() for part in self.integrator.dtime)
-        high[lane] = low[lane] = 0.0
+        started = ~np.isfinite(high)  # a lane of which this step's failure is not seen yet
+        started[lane] = True
+        high[started] = low[started] = 0.0
         self.integrator.set_dtime(high, low)
         self.integrator.reset_cooldowns(lane)
 
@@ -278,7 +306,8 @@ class _Lanes:
 
     def _event(self, lane: int, outcome: int) -> None:
         stop = -outcome - 1
-        if stop > len(self.machines.stops):  # the state is not finite: no launch
+        if stop > len(self.machines.stops):  # the state is not finite
+            self._solve_alone(self.machine[lane])
             self._load(lane)
         elif stop < len(self.machines.stops):
             self._release(lane, stop)

@@ -80,6 +80,13 @@ def batch_pool(structure: Structure, tolerance: float, lanes: int) -> _Pool:
 
 
 @lru_cache(_KEPT)
+def jacobian_function(structure: Structure) -> Any:
+    """Jacobian of all constraints, row by row: f(q, pars=...), shapes (n_q, n) -> (n_constraints * n_q, n)."""
+    system = TaylorSystem(structure)
+    return heyoka().cfunc(system.jacobian, system.q, compact_mode=_is_compact(system))
+
+
+@lru_cache(_KEPT)
 def torque_function(structure: Structure, real: RealType) -> Any:
     """Stop torques: f(state, pars=...), shapes (2 n_q,) or (2 n_q, n); the parameters end with the active switches."""
     hy, system = heyoka(), TaylorSystem(structure)

@@ -228,6 +228,20 @@ class TaylorSystem:
         ]
         return gradient, total(inward), value
 
+    @cached_property
+    def _constraints(self) -> list[tuple[list[Any], Any]]:
+        """Gradient of each constraint, loops first, and minus gamma."""
+        s = self.structure
+        sections = ["loops"] * s.n_loops + ["points"] * s.n_stops
+        rows = zip(s.loop_rows + s.gap_rows, self._places, sections, strict=True)
+        return [self._constraint(row, place, section) for row, place, section in rows]
+
+    @property
+    def jacobian(self) -> list[Any]:
+        """Gradients of all loops, then of all stops whether active or not, row by row."""
+        slopes = (slope for gradient, _ in self._constraints for slope in gradient)
+        return [self._hy.expression(0.0 if slope is None else slope) for slope in slopes]
+
     def _constraint(self, row: Row, place: int, section: str) -> tuple[list[Any], Any]:
         """Gradient of a constraint, and minus gamma."""
         if isinstance(row, int):
@@ -254,15 +268,13 @@ class TaylorSystem:
         """Matrix and right-hand side of the system above."""
         s = self.structure
         matrix, right = self._mass_and_forces()
-        for k in range(s.n_loops):
-            gradient, inward = self._constraint(s.loop_rows[k], self._places[k], "loops")
+        for k, (gradient, inward) in enumerate(self._constraints[: s.n_loops]):
             right.append(inward)
             for j, slope in enumerate(gradient):
                 put(matrix, s.n_q + k, j, slope)
-        for k in range(s.n_stops):
+        for k, (gradient, inward) in enumerate(self._constraints[s.n_loops :]):
             row, active = s.n_q + s.n_loops + k, self._par(s.active.start + k)
             put(matrix, row, row, active - 1.0)
-            gradient, inward = self._constraint(s.gap_rows[k], self._places[s.n_loops + k], "points")
             right.append(times(active, inward))
             for j, slope in enumerate(gradient):
                 put(matrix, row, j, _switched(active, slope))

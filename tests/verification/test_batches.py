@@ -8,14 +8,16 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 import trebucheck as tb
-from mechanisms import everything, hanging_bob
+from mechanisms import body_of, everything, hanging_bob, parallel_cranks, pin
 from random_mechanisms import random_mechanism
+from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.force_elements import SpringDamper
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Marker, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Spec
 from trebucheck.models.stacked import stacked
+from trebucheck.reference.solver import solve
 from trebucheck.reference.taylor import batch
 from trebucheck.reference.taylor.batch import launch_batch
 from trebucheck.reference.taylor.machine import numbers_of, projectile_row
@@ -106,3 +108,50 @@ def test_a_batch_may_come_from_an_iterator_and_in_parts(monkeypatch: pytest.Monk
     assert whole.launched.all()
     with pytest.raises(tb.InputError, match=r"mechanisms\[7\] \('rolling'\)"):
         launch_batch([*machines[:7], tb.rolling()], duration=2.0)
+
+
+def _four_bar(speed: float, start: float) -> Mechanism:
+    """A02 of the IFToMM benchmarks with one window: rods of 1 m and 1 kg; singular where all of them are level."""
+    rods = (("crank", "ground", (0, 0)), ("follower", "ground", (1.0, 0)), ("coupler", "crank", (1.0, 0)))
+    return Mechanism(
+        name="four-bar",
+        bodies=tuple(body_of(name, f"{name} angle", 1.0, (0.5, 0), 1 / 12) for name, _, _ in rods),
+        joints=(
+            *(pin(f"{name} pin", parent, name, at) for name, parent, at in rods),
+            pin("loop", "coupler", "follower", (1.0, 0), (1.0, 0)),
+        ),
+        markers=(Marker(name="projectile", body="crank", point=(1.0, 0)),),
+        gravity=9.81,
+        start=(start, start, 0.0),
+        start_speeds=(speed, speed, 0.0),
+    )
+
+
+@pytest.mark.slow
+def test_machines_pass_singular_positions_or_say_why_not() -> None:
+    """From the top two singular positions come before the launch at 5 pi / 4; below, some swing into one and back."""
+    pytest.importorskip("heyoka")
+    speeds = np.linspace(0.5, 3.0, 5).tolist()
+    machines = [_four_bar(speed, start) for start in (-math.pi / 2, math.pi + 0.5) for speed in speeds]
+    machines.append(_four_bar(2.0, 0.0))  # it starts in a singular position, and swings to the other one and back
+    found = launch_batch(machines, duration=3.0)
+    for i, machine in enumerate(machines):
+        solution = solve(Problem(machine, 3.0))
+        if i in found.failures:
+            assert not found.launched[i] and "singular position" in found.failures[i]
+        elif solution.launch is None:
+            assert not found.launched[i]
+        else:
+            # Behind each passage the branch is known to 1e-9 of the largest arm.
+            assert found.time[i] == pytest.approx(solution.launch.time, abs=1e-8)
+            assert found.velocity[i] == pytest.approx(solution.launch.velocity, abs=1e-7)
+    assert found.launched[:5].all() and not any(i in found.failures for i in range(5))
+
+
+@pytest.mark.slow
+def test_constraints_that_depend_on_each_other_are_refused() -> None:
+    pytest.importorskip("heyoka")
+    beam = parallel_cranks(3, start=0.3)
+    marked = beam.model_copy(update={"markers": (Marker(name="projectile", body=beam.bodies[0].name, point=(1.0, 0)),)})
+    with pytest.raises(UnsupportedProblemError, match="the Taylor integrator needs constraints that are independent"):
+        launch_batch([marked], duration=1.0)
