@@ -10,13 +10,13 @@ Across such a position the motion is taken as one polynomial over a short window
 at Gauss's points, which lie beside the position (:mod:`.collocation`). Whatever leaves the branch has a pole in the
 window and is near no polynomial: then polynomials of different degrees differ, or the loops do not close between the
 points. Their difference tells how far the passage is known. Multipliers have simple poles there in general: see
-:meth:`Window.multipliers`.
+:meth:`.window.Window.multipliers`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.integrate import DenseOutput
@@ -26,6 +26,7 @@ from ..models.errors import SimulationError
 from .collocation import Given, Polynomial, collocated, gauss
 from .dependence import least_step, scales_of
 from .equations import Equations
+from .window import BESIDE, SingularPassage, Window
 
 _NEAR = 0.15  # singular value below which a window is tried; of a crank and a coupler alike, about their angle [rad]
 _CLOSE = 0.05  # a window is kept if it comes this close, though it turns before: rounding grows as 1/square of that
@@ -37,86 +38,10 @@ _VANISHES = 1e-7  # a singular value this small at its minimum is zero within wh
 _CLOSES = 2e-13  # of the largest arm: how well loops that have a singular position close between the points
 _DRIFT = 3e-12  # of the largest arm: loops that close no better are integrated as ones without a singular position
 _SAMPLES = 200  # of a window, in search of singular positions
-_BESIDE = 1e-3  # of a window's half: where it is tested whether a singular value changes sign
 _ITERATIONS, _PLACINGS = 20, 8
-_POLE = 1e-5  # of a window's half
 _EPSILON = 4 * float(np.finfo(np.float64).eps)
 _PROBES, _SAFETY = np.linspace(0.0, 1.0, 5), 2.0  # of a step; of what it may change, as speeds inside it are others
 _POSITIONS = 32  # random ones, for the largest arms
-
-
-@dataclass(frozen=True)
-class SingularPassage:
-    """A singular position that the motion went through on its smooth branch."""
-
-    time: float
-    """[s]"""
-    time_uncertainty: float
-    """[s]"""
-    uncertainty: float
-    """By which the coordinates behind it differ between two polynomials [rad, m of the largest arm's part]."""
-    lost: int
-    """How many of the independent constraints depend on the others there."""
-
-
-@dataclass(frozen=True)
-class Window:
-    """The motion from beside a singular position to beside it again, and the passages in it."""
-
-    start: float
-    end: float
-    passages: tuple[SingularPassage, ...]
-    motion: Polynomial
-    forces: FloatArray
-    """Legendre series of the multipliers, times the distances from all poles in halves of the window."""
-    poles: FloatArray
-    """Times of all passages, also of those after `end` [s]."""
-
-    def until(self, end: float, releases: bool) -> Window:
-        """The part up to `end` [s], where a stop opens or not.
-
-        Raises:
-            SimulationError: a stop's torque passes a pole there instead of zero.
-        """
-        if releases and np.any(np.abs(self.poles - end) < _BESIDE * self.motion.half):
-            raise SimulationError(
-                f"the reference gave up at t = {end:.6g} s: a stop opens in a singular position, in which its torque "
-                "grows beyond all bounds."
-            )
-        return replace(self, end=end, passages=tuple(passage for passage in self.passages if passage.time <= end))
-
-    def dense_output(self) -> DenseOutput:
-        """As that of an integrator's step."""
-        return _WindowOutput(self)
-
-    def accelerations(self, t: FloatArray) -> FloatArray:
-        """Of the branch at times t [s], shape (n, n_q)."""
-        return self.motion.values(self.motion.a, t)
-
-    def multipliers(self, t: FloatArray) -> FloatArray:
-        """Shape (n, n_constraints); as 1/(t - time) beside a passage unless the branch needs no such force.
-
-        Within a hundred-thousandth of the window the mean of both sides is given: the finite part.
-        """
-        near = _POLE * self.motion.half
-        of = np.argmin(np.abs(t[:, None] - self.poles), axis=1) if len(self.poles) else np.zeros(len(t), dtype=int)
-        pole = self.poles[of] if len(self.poles) else np.full(len(t), np.inf)
-        inside = np.abs(t - pole) < near
-        sides = [np.where(inside, pole + side * near, t) for side in (-1.0, 1.0)]
-        return 0.5 * np.sum([self.motion.values(self.forces, at) / self._distances(at) for at in sides], axis=0)
-
-    def _distances(self, t: FloatArray) -> FloatArray:
-        return np.prod((t[:, None] - self.poles) / self.motion.half, axis=1)[:, None]
-
-
-class _WindowOutput(DenseOutput):
-    def __init__(self, window: Window) -> None:
-        super().__init__(window.start, window.end)
-        self._motion = window.motion
-
-    def _call_impl(self, t: FloatArray) -> FloatArray:
-        m = self._motion
-        return np.concatenate([m.values(m.q, t), m.values(m.u, t)], axis=-1).T
 
 
 class Watch:
@@ -212,7 +137,7 @@ class Watch:
                     break
             window = None if motion is None else self._refined(motion, given)
             if window is not None and window.passages:
-                later = (passage for passage in window.passages if passage.time > start - half * _BESIDE)
+                later = (passage for passage in window.passages if passage.time > start - half * BESIDE)
                 passages = tuple(replace(passage, time=max(passage.time, start)) for passage in later)
                 return replace(window, start=start, passages=passages)
         raise SimulationError(
@@ -354,7 +279,7 @@ class Watch:
         Raises:
             SimulationError: it doubles less than twice with the distance.
         """
-        beside = time + _BESIDE * motion.half * np.array([-2.0, -1.0, 1.0, 2.0])
+        beside = time + BESIDE * motion.half * np.array([-2.0, -1.0, 1.0, 2.0])
         values = self._values(motion.values(motion.q, beside))[:, -lost:]
         if np.all(values[[0, 3]].sum(axis=0) < 3 * values[[1, 2]].sum(axis=0)):
             return

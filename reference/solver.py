@@ -28,8 +28,9 @@ from .contact import ActiveSet, EventFunction, PostEventState
 from .damping import longest_step
 from .equations import Equations
 from .integrator import Integrator, StepLimit, numerical, one_thread
-from .singular import Watch, Window, note_singular_start
+from .singular import Watch, note_singular_start
 from .solution import Segment, Solution
+from .window import Window
 
 _MAX_EVENTS = 10_000
 _LAUNCH_SPANS = (2.0, 5.5)  # characteristic times; Table I launches at 1.5

@@ -21,7 +21,7 @@ from trebucheck.models.launch import Launch
 from trebucheck.models.mechanism import Body, Marker
 from trebucheck.models.stops import PointStop, Stop
 from trebucheck.models.trajectory import PointMotion, Provenance
-from trebucheck.reference.singular import SingularPassage
+from trebucheck.reference.window import SingularPassage
 
 RELEASE, TURN, ARM = 0.5, 1.0, 2.0
 """When the rest opens [s], speed of the arm from then on [rad/s], and its length [m]."""

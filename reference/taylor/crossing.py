@@ -16,8 +16,9 @@ from ...models.launch import lead
 from ...models.phasors import PointCoefficients
 from ..contact import ActiveSet, PostEventState
 from ..equations import Equations
-from ..singular import Watch, Window
+from ..singular import Watch
 from ..solver import Event, EventFinder, first_events, releases
+from ..window import Window
 
 _SAMPLES = 33  # of a window, in search of a launch
 

@@ -14,8 +14,9 @@ import numpy as np
 import plugins
 import pytest
 import trebucheck as tb
+from trebucheck.comparisons.compare.machine import Case
 from trebucheck.comparisons.compare.report import document
-from trebucheck.comparisons.compare.study import Case, Comparison, compare_study
+from trebucheck.comparisons.compare.study import Comparison, compare_study
 from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.runs.metrics import measure
 from trebucheck.comparisons.runs.results import Metric, Outcome, Results, Run

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from formulas import END, Formula, times, trolley
-from trebucheck.comparisons.compare.study import machine_row
+from trebucheck.comparisons.compare.machine import machine_row
 from trebucheck.comparisons.runs import tolerances as module
 from trebucheck.comparisons.runs import uncertainty
 from trebucheck.comparisons.runs.metrics import measure
