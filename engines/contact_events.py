@@ -7,8 +7,9 @@ of the reference, which has a formulation of its own.
 - **Release.** The force of an active contact falls through zero, and the contact becomes inactive. The release time
   of a stop is that of its first opening.
 - **Impact** (unilateral law only). The gap of an inactive contact falls through zero. All contacts that touch at that
-  instant take part, active ones included, each with its restitution e. A contact met more slowly than `REST_SPEED`
-  is plastic (e = 0), so that bouncing with 0 < e < 1 comes to rest after finitely many impacts.
+  instant take part, active ones included, each with its restitution e. A contact met too slowly to rebound
+  (:mod:`..models.rebound`, the rule of the reference) is plastic (e = 0), so that bouncing with 0 < e < 1 comes to rest
+  after finitely many impacts.
 - **After an impact.** Contacts whose gap speed is zero rest; the others part, which is a release.
 - **Simultaneous impacts.** Two stops may throw a mechanism to and fro ever faster, towards an instant that is never
   reached. Impacts within `TOGETHER` of each other are therefore resolved at once.
@@ -22,14 +23,15 @@ from typing import Any
 
 import numpy as np
 
+from ..models.arrays import FloatArray
 from ..models.errors import SimulationError, UnsupportedProblemError
 from ..models.kinematics import Kinematics, initial_state
 from ..models.mechanism import Mechanism
+from ..models.rebound import Rebounds
 from ..models.trajectory import PointMotion
 from .protocol import Recording
 
 SAME_TIME = 1e-12  # [s] times closer than this are one instant
-REST_SPEED = 1e-6  # [rad/s, m/s] a contact met more slowly does not rebound: the rebound would be 1e-13 high
 AT_REST = 1e-9  # [rad/s, m/s] gap speeds below this are rounding errors of an impact's solution
 TOGETHER = 1e-9  # [s] impacts closer than this are resolved at once
 MOST_IMPACTS = 10_000
@@ -49,6 +51,7 @@ class ContactEvents:
         self.mechanism, self.engine = mechanism, engine
         self.releases: dict[str, float | None] = {stop.name: None for stop in mechanism.stops}
         """First opening of each stop that was closed at the start [s]."""
+        self.rebounds = Rebounds(mechanism)
         self.impacts: list[tuple[float, Mapping[str, float]]] = []
         """Time [s] and impulse of each contact that took part [N m s, N s]."""
 
@@ -77,15 +80,20 @@ class ContactEvents:
         certain = {met, *active, *recent}
         return tuple(name for name in self.releases if name in certain or abs(gap(name)) <= _TOUCHING)
 
-    def restitution(self, speeds: Mapping[str, float], plastic: Collection[str] = ()) -> dict[str, float]:
+    def restitution(
+        self, speeds: Mapping[str, float], q: FloatArray, u: FloatArray, plastic: Collection[str] = ()
+    ) -> dict[str, float]:
         """Restitution e of each contact in an impact: 0 for the plastic ones.
 
         Args:
             speeds: of the gaps before the impact [rad/s, m/s].
+            q, u: the state before it, shape (n_q,).
             plastic: contacts whose rebounds are too low for the adapter's steps to follow.
         """
-        rebounding = {name for name, speed in speeds.items() if speed < -REST_SPEED and name not in plastic}
-        return {name: self.mechanism.stop(name).restitution if name in rebounding else 0.0 for name in speeds}
+        self.rebounds.note_impact(q, u)
+        rebounding = (name for name in speeds if name not in plastic)
+        fast = {name for name in rebounding if speeds[name] < -self.rebounds.least_speed(name, q)}
+        return {name: self.mechanism.stop(name).restitution if name in fast else 0.0 for name in speeds}
 
     def note_impact(self, time: float, impulses: Mapping[str, float]) -> None:
         """Record an impact.

@@ -7,12 +7,10 @@ at t, the series of the remaining flights sums, to first order in j and c, to
     rest = t + tau (1 - tau (j / (3 a) + c / 6)),        tau = 2 v / (a (1 - e)).
 
 The sum errs by the cube of tau over the motion's own time, and an impact is located to the rounding of its gap over its
-speed: the time of rest is taken where both are small (`_SUMMED`), while impacts are followed further (`_SETTLED`), so
+speed: the time of rest is taken where both are small (`_SUMMED`), while impacts are followed further (`SETTLED`), so
 that states err by a rebound some 1e-13 times as high as the first fall.
 
-Both limits are parts of a speed scale, sqrt(2 T A): how fast the gap could move with the largest kinetic energy T that
-the mechanism has had at an impact, A being the inverse inertia that the stop meets. So no unit, length or gravity
-matters.
+Both limits are parts of one speed scale; from which speed on a stop rebounds is the rule of :mod:`...models.rebound`.
 """
 
 from __future__ import annotations
@@ -22,9 +20,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..models.arrays import FloatArray
+from ..models.rebound import SETTLED, speed_scale
 from .equations import Equations
 
-_SETTLED = 5e-7  # of the speed scale: a stop met more slowly does not rebound
 _SUMMED = 1e-4  # of the speed scale, times 1 - e: the time of rest is taken from the first rebound that is slower
 
 
@@ -47,7 +45,7 @@ class Bouncing:
             speeds: gap speeds by stop [its speed_unit].
         """
         self._energy = max(self._energy, float(self.equations.kinematics.kinetic_energy(q, u)))
-        return np.array([self._restitution[n] if v < -_SETTLED * self._scale(n, q) else 0.0 for n, v in speeds.items()])
+        return np.array([self._restitution[n] if v < -SETTLED * self._scale(n, q) else 0.0 for n, v in speeds.items()])
 
     def note_impact(
         self, t: float, q: FloatArray, u: FloatArray, closed: Sequence[str], speeds: Mapping[str, float]
@@ -77,7 +75,7 @@ class Bouncing:
 
     def _scale(self, name: str, q: FloatArray) -> float:
         row = self._row(name, q)
-        return float(np.sqrt(2.0 * self._energy * (row @ self.equations.response(q, row))))
+        return speed_scale(self._energy, float(row @ self.equations.response(q, row)))
 
     def _row(self, name: str, q: FloatArray) -> FloatArray:
         return self.equations.kinematics.gap_jacobian(name, q)

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import zip_longest
 
 import numpy as np
 from scipy.integrate import trapezoid
@@ -23,6 +22,7 @@ from ...models.problem import StopLaw
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 from .balance import keeps_horizontal_momentum, reference_balance, sampled_balance
+from .impacts import impact_times, paired
 from .parting import parting
 from .results import Metric
 from .scales import Scales, away_from_poles, scales_until
@@ -230,18 +230,13 @@ def _format_time(time: float | None) -> str:
     return "no time before the end" if time is None else f"{time:.9g} s"
 
 
-def impact_times(motion: Trajectory | Solution, stop: str) -> list[float]:
-    """Impacts in which a stop pushes [s]."""
-    return [time for time, impulses in motion.impacts if impulses.get(stop, 0.0) > 0]
-
-
 def _impact_windows(c: Comparison) -> Iterator[tuple[float, float]]:
     """First and last instant of each impact of either; both of an impact that both have."""
     for stop in c.trajectory.mechanism.stops:
         times, expected = impact_times(c.trajectory, stop.name), impact_times(c.solution, stop.name)
-        paired = min(len(times), len(expected))
-        yield from ((min(pair), max(pair)) for pair in zip(times, expected, strict=False))
-        yield from ((time, time) for time in [*times[paired:], *expected[paired:]])
+        yield from ((time, time) for time in [*times, *expected])
+        pairs = paired(times, expected, c.step)
+        yield from ((min(own, other), max(own, other)) for own, other in pairs if own is not None and other is not None)
 
 
 def _impacts(c: Comparison) -> Iterator[Metric]:
@@ -257,7 +252,7 @@ def _impacts(c: Comparison) -> Iterator[Metric]:
 
 
 def _worst_impact(c: Comparison, stop: str, times: list[float], expected: list[float]) -> Metric:
-    pairs = list(zip_longest(times[:_COUNTED_IMPACTS], expected[:_COUNTED_IMPACTS]))
+    pairs = paired(times, expected, c.step)[:_COUNTED_IMPACTS]
     metrics = [_event_metric(c, "impact_time", stop, *pair, "met") for pair in pairs if _either_within(c, *pair)]
     return max(metrics, key=lambda metric: np.inf if metric.value is None else abs(metric.value))
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Literal, Self
 
@@ -27,6 +27,7 @@ from ...models.mechanism import Mechanism
 from ...models.spec import Real, Spec
 from ...reference.certification.certificate import REFUSED_BELOW, refusal
 from ...reference.solver import solve_to_launch
+from .impacts import FOLLOWED
 from .metrics import THROWN
 from .quantities import QUANTITIES, Quantity, judged_quantity
 from .results import Machine, Metric, Run
@@ -275,9 +276,12 @@ def _vouched(applied: AppliedTolerance, uncertainty: float | None, most: float) 
 
 def _applied(metric: Metric, quantity: Quantity, run: Run, machine: Machine, needs: Needs) -> AppliedTolerance:
     scale, need = _scale(metric, quantity, machine), needs.need(metric)
+    unresolved = _unresolved(metric, run)
     if need is not None:
-        return AppliedTolerance(need.value * (scale if need.relative else 1.0), "need", f"{need.text} was asked for")
+        value = need.value * (scale if need.relative else 1.0)
+        return AppliedTolerance(value, "need", f"{need.text} was asked for{unresolved}")
     default = _default(metric, quantity, scale, run, needs.default)
+    default = replace(default, reason=default.reason + unresolved)
     claim = _claim(metric, quantity, scale, run, machine) if needs.default is None else None
     if claim is None:
         return default
@@ -285,6 +289,13 @@ def _applied(metric: Metric, quantity: Quantity, run: Run, machine: Machine, nee
         reason = f"{default.reason}; the engine's claim is looser: {claim.reason}"
         return AppliedTolerance(default.value, "default", reason)
     return claim
+
+
+def _unresolved(metric: Metric, run: Run) -> str:
+    step = _step(run)
+    if metric.name != "impact_time" or step is None:
+        return ""
+    return f"; rebounds shorter than {FOLLOWED:g} steps of {step:.3g} s may be missing"
 
 
 def _scale(metric: Metric, quantity: Quantity, machine: Machine) -> float:

@@ -269,19 +269,20 @@ class _UnilateralMotion(_Motion):
     def _after_impact(self, table: FloatArray, active: Contacts, name: str) -> Segment:
         """What follows where a stop is met at the end of a table."""
         state, values = self.solver.state(table, -1), self._last(table)
-        touching = self.events.touching(state.t, name, active, self._gap_without_drift(table, name))
-        restitution = self.events.restitution(self._gap_speeds(touching, values))
+        reader = Reader(self.system, self.solver.columns, table[-1:])
+        q, u = reader.coordinates()[0], reader.speeds()[0]
+        touching = self.events.touching(state.t, name, active, self._gap_without_drift(name, q, u))
+        restitution = self.events.restitution(self._gap_speeds(touching, values), q, u)
         after, impulses = resolve_impact(self.system, state, restitution)
         self.events.note_impact(state.t, impulses)
         return Segment(table, after, self._resting(after, touching))
 
-    def _gap_without_drift(self, table: FloatArray, met: str) -> Callable[[str], float]:
-        """Gap of a stop where that of another is zero, near the end of a table, by the coordinates [rad, m].
+    def _gap_without_drift(self, met: str, q: FloatArray, u: FloatArray) -> Callable[[str], float]:
+        """Gap of a stop where that of another is zero, near a state, by the coordinates [rad, m].
 
         By the bodies' own positions the gaps of redundant stops differ by the joints' drift.
         """
-        kinematics, reader = Kinematics(self.mechanism), Reader(self.system, self.solver.columns, table[-1:])
-        q, u = reader.coordinates()[0], reader.speeds()[0]
+        kinematics = Kinematics(self.mechanism)
         speed = float(kinematics.gap_jacobian(met, q) @ u)
         there = q - float(kinematics.gap(met, q)) / speed * u if speed < 0 else q
         return lambda name: float(kinematics.gap(name, there))

@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 from ...models.arrays import FloatArray
 from ...models.kinematics import Kinematics
 from ...models.problem import Problem
-from ..contact_events import AT_REST, REST_SPEED, Contacts, resting
+from ..contact_events import AT_REST, Contacts, resting
 from .impact import Inertia, resolve_impact
 from .options import MujocoOptions
 from .read import absolute_from_relative
@@ -61,7 +61,7 @@ class UnilateralStepper(Stepper):
     def _steps_before_an_event(self, states: FloatArray, sensed: FloatArray) -> int:
         met = np.zeros(len(sensed), dtype=bool)
         for name in self._open():
-            met |= self._may_be_met(name, *self._gap_motion(name, states), self.options.timestep)
+            met |= self._may_be_met(name, states, self.options.timestep)
         first = int(np.argmax(met)) if met.any() else len(sensed)
         return min(first, super()._steps_before_an_event(states, sensed))
 
@@ -69,7 +69,7 @@ class UnilateralStepper(Stepper):
         before, step = self._state(), end - start
         self._step(before, step)
         ends = np.stack([before, self._state()])
-        near = [name for name in self._open() if self._may_be_met(name, *self._gap_motion(name, ends), step).any()]
+        near = [name for name in self._open() if self._may_be_met(name, ends, step).any()]
         parts = {name: part for name in near if (part := self._onto_zero_gap(name, ends, step)) is not None}
         met = min(parts, key=lambda name: parts[name], default=None)
         if near:
@@ -94,18 +94,19 @@ class UnilateralStepper(Stepper):
         q = np.array(self.problem.mechanism.start) + states[..., 1 : 1 + n] @ self.sums.T
         return q, states[..., 1 + n : 1 + 2 * n] @ self.sums.T
 
-    def _least_speed(self, name: str) -> float:
-        """Speed of its gap from which a stop is met [rad/s, m/s]."""
-        return 0.0 if name in self._parted else REST_SPEED
+    def _least_speed(self, name: str, state: FloatArray) -> float:
+        """Speed of its gap from which a stop is met [rad/s, m/s], near a state of MuJoCo's."""
+        return 0.0 if name in self._parted else self.events.rebounds.least_speed(name, *self._coordinates(state))
 
-    def _may_be_met(self, name: str, gap: FloatArray, speed: FloatArray, step: float) -> NDArray[np.bool_]:
-        """Whether a stop may be met between samples that are a step [s] apart; shapes (n + 1,) -> (n,).
+    def _may_be_met(self, name: str, states: FloatArray, step: float) -> NDArray[np.bool_]:
+        """Whether a stop may be met between states that are a step [s] apart; shapes (n + 1, n_state) -> (n,).
 
         It is met if it closes in penetration at one of the two, or at the lowest point of the cubic between them.
         """
-        closing = (gap < 0) & (speed < -self._least_speed(name))
+        (gap, speed), least = self._gap_motion(name, states), self._least_speed(name, states[0])
+        closing = (gap < 0) & (speed < -least)
         (g0, g1), (v0, v1) = (gap[:-1], gap[1:]), (speed[:-1] * step, speed[1:] * step)
-        turns = (g0 > 0) & (speed[:-1] < -self._least_speed(name)) & (speed[1:] > 0)
+        turns = (g0 > 0) & (speed[:-1] < -least) & (speed[1:] > 0)
         s = np.where(turns, v0 / np.where(turns, v0 - v1, 1.0), 0.0)
         lowest = (g0 * (1 + 2 * s) + v0 * s) * (1 - s) ** 2 + (g1 * (3 - 2 * s) - v1 * (1 - s)) * s**2
         return closing[:-1] | closing[1:] | (turns & (lowest < 0))
@@ -119,7 +120,7 @@ class UnilateralStepper(Stepper):
             step: length of the step [s].
         """
         (gap, _), (speed, last_speed) = self._gap_motion(name, ends)
-        least = self._least_speed(name)
+        least = self._least_speed(name, ends[0])
 
         def motion(part: float) -> tuple[float, float]:
             self._step_part(ends[0], part)
@@ -168,7 +169,8 @@ class UnilateralStepper(Stepper):
         inertia = Inertia(self._mass(), self._loops(q))
         active = np.reshape([gaps[name] for name in self.active], (-1, self.model.nv))
         speeds = inertia.without_drift(self.data.qvel, active)
-        restitution = self.events.restitution({name: float(row @ speeds) for name, row in gaps.items()})
+        closing = {name: float(row @ speeds) for name, row in gaps.items()}
+        restitution = self.events.restitution(closing, q, self.sums @ speeds)
         impact = resolve_impact(inertia, speeds, gaps, restitution)
         self.events.note_impact(t, impact.impulses)
         self.data.qvel[:] = impact.speeds

@@ -96,10 +96,15 @@ def _impact_of(placed: Mechanism, active: Contacts, restitution: Mapping[str, fl
     rounding = _ROUNDING * (1.0 + max(map(abs, came.values()), default=0.0))
     total = dict.fromkeys(restitution, 0.0) | impulses
     least = -_ROUNDING * max(total.values())
+    kinematics = Kinematics(placed)
+
+    def gap(name: str) -> float:
+        return float(kinematics.gap(name, q))
+
     beyond = {name: left[name] + restitution[name] * came[name] for name in restitution}
     wrong = [name for name in restitution if (total[name] < least if name in active else beyond[name] < -rounding)]
-    # Stops whose targets contradict each other meet one of them at most, whatever the impulses are.
-    wrong += [name for name in active if abs(beyond[name]) > rounding]
+    # Stops whose targets contradict each other meet one of them at most; a gap that is left is closed in the step.
+    wrong += [name for name in active if abs(beyond[name] + gap(name) / STEP) > rounding]
     return Impact(after, total, resting(left, rounding), next(iter(wrong), None))
 
 

@@ -58,7 +58,8 @@ def _total_mass(assembly: Assembly, pivot_mass: float) -> float | None:
         if joint.parent == GROUND and isinstance(joint, PinJoint) and assembly.parts[joint.child].turns
     ]
     grounded = any(place.carrier == GROUND for name, place in assembly.placements.items() if name != GROUND)
-    return None if (pinned and pivot_mass != 1) or grounded else float(sum(body.mass for body in assembly.bodies))
+    changed = any(pivot_mass != 1 or assembly.rigid.body(joint.child).inertia == 0 for joint in pinned)
+    return None if changed or grounded else float(sum(body.mass for body in assembly.bodies))
 
 
 def _dynamics(built: Assembly, state: State, pivot_mass: float) -> Dynamics:

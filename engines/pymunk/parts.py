@@ -7,6 +7,8 @@ in the same way (equal mass, first and second moment about its pin):
   rest of its mass is at the pin, in the other body. A point mass on a massless rod is its own bob.
 - a *turning* body keeps its inertia. Where it is pinned to the ground, mass at the pin never moves: a large mass there
   brings the centre close to the pin, so that the pin's impulses hardly couple with those of the other joints.
+- a point mass on which something else acts than at its mass gets an inertia by mass at its pin, which moves no
+  differently: where it is pinned to the ground as above, elsewhere by mass that its parent has less.
 - bodies that turn together (prismatic joints) share their inertia evenly, for only its sum counts: a slider may be a
   point mass. Those that do not turn at all get an infinite one.
 """
@@ -24,6 +26,8 @@ from ...models.mechanism import Body, Mechanism
 from ...models.stops import Stop
 from .assembly import Part
 from .welds import Weights, same_point
+
+_LEAST_PIVOT_MASS = 2.0  # of a point mass on a rod that is pinned to the ground, in multiples of its own
 
 
 def parts_of(mechanism: Mechanism, pivot_mass: float) -> list[Part]:
@@ -66,6 +70,7 @@ class _PartMaker:
                     weights[joint.parent] = weights[joint.parent].with_mass_at(at, rest)
                 parts.append(self._part(body, bob, pin, turns=False))
             else:
+                own = self._with_inertia(own, joint, weights)
                 parts.append(self._part(body, self._turning(body, own, joint), pin, turns=True))
         return parts[::-1]
 
@@ -111,14 +116,25 @@ class _PartMaker:
         ends += [(stop.body, stop.point) for stop in self.mechanism.point_stops if stop.closed]
         return [complex(*point) for name, point in ends if name == body]
 
+    def _with_inertia(self, own: Weights, joint: AnyJoint, weights: dict[str, Weights]) -> Weights:
+        """A point mass with mass at its pin that its parent lends, if it can."""
+        pin, at = complex(*joint.child_point), complex(*joint.parent_point)
+        if own.inertia > 0 or not isinstance(joint, PinJoint) or joint.parent == GROUND or same_point(own.centre, pin):
+            return own
+        lent = min(own.mass, weights[joint.parent].spare_mass(at) / 2)
+        weights[joint.parent] = weights[joint.parent].with_mass_at(at, -lent)
+        return own.with_mass_at(pin, lent)
+
     def _turning(self, body: Body, own: Weights, joint: AnyJoint) -> Weights:
+        if joint.parent == GROUND and isinstance(joint, PinJoint):
+            factor = self.pivot_mass if own.inertia > 0 else max(self.pivot_mass, _LEAST_PIVOT_MASS)
+            own = own.with_pivot_mass(complex(*joint.child_point), factor)
         if own.inertia <= 0:
             raise UnsupportedProblemError(
                 f"pymunk cannot turn the body {body.name!r}, whose inertia is 0: it can only be a point mass at "
-                f"the end of a rod, with all joints and stops on it at that mass."
+                f"the end of a rod that is pinned to the ground or to a body with an inertia."
             )
-        pinned = joint.parent == GROUND and isinstance(joint, PinJoint)
-        return own.with_pivot_mass(complex(*joint.child_point), self.pivot_mass) if pinned else own
+        return own
 
     def _part(self, body: Body, weights: Weights, pin: complex, turns: bool) -> Part:
         engine_body = pymunk.Body(weights.mass, weights.inertia if turns else math.inf)

@@ -4,7 +4,8 @@ Chipmunk cannot change its step without losing its impulses. Under the unilatera
 gap is below zero, back to where it was zero inside that step, through the impact, and on from there as a new segment
 with a start of its own. The state at the impact is that of the sample before, moved on by its speed and acceleration:
 its error, of third order, is made once per impact, so the order of the run stays. A contact that begins and ends
-within a step is not seen, and a rebound that would do so is none: the contact rests.
+within a step is not seen. A rebound that ends within three steps is none, for its leapfrog has not settled by then: the
+contact rests. Comparisons allow for it.
 """
 
 from __future__ import annotations
@@ -144,7 +145,8 @@ class _UnilateralRun:
             update={"start": tuple(event.q.tolist()), "start_speeds": tuple(event.u.tolist())}
         )
         speeds = gap_speeds(placed, event.touching, event.q, event.u)
-        impact = resolve_impact(placed, self.events.restitution(speeds, plastic), self.options.pivot_mass)
+        restitution = self.events.restitution(speeds, event.q, event.u, plastic)
+        impact = resolve_impact(placed, restitution, self.options.pivot_mass)
         self.events.note_impact(event.time, impact.impulses)
         self._last, self._plastic = event, plastic
         self._parting = {name: event.time for name in event.touching if name not in impact.resting}

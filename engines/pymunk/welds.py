@@ -7,6 +7,7 @@ ground. Only welds of the tree are treated here; one that closes a loop is a con
 from __future__ import annotations
 
 import cmath
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -68,6 +69,12 @@ class Weights:
         centre = (self.mass * self.centre + mass * point) / total
         inertia = self.inertia + self.mass * mass / total * abs(point - self.centre) ** 2
         return Weights(total, centre, inertia)
+
+    def spare_mass(self, point: complex) -> float:
+        """The mass that can be taken away at a point [kg]: then the inertia of the rest is 0."""
+        if same_point(point, self.centre) or math.isinf(self.inertia):
+            return self.mass
+        return self.mass * self.inertia / (self.inertia + self.mass * abs(point - self.centre) ** 2)
 
     def with_pivot_mass(self, pin: complex, factor: float) -> Weights:
         """The same body about a fixed pin, its mass multiplied."""

@@ -9,7 +9,6 @@ import math
 import numpy as np
 import pytest
 from trebucheck.engines.pymunk.engine import PymunkEngine
-from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.joints import GROUND, PinJoint
 from trebucheck.models.machines.trebuchet import ARM_STOP, fixed, rolling
 from trebucheck.models.mechanism import Body, Marker, Mechanism
@@ -185,13 +184,19 @@ def test_nothing_is_met_before_the_launch() -> None:
     assert laws[0].release_times == laws[1].release_times
 
 
-def test_a_stop_that_could_not_be_held_is_refused_at_the_start() -> None:
+def test_a_stop_at_the_middle_of_a_massless_rod_is_met() -> None:
+    """Of second order: the point mass gets an inertia by mass at its pin, which does not move."""
     base = pendulum(0.0)
-    middle = PointStop(name="middle", body="bob", point=(0.5, 0), normal=(0, 1), offset=-0.8, closed=False)
-    mechanism = Mechanism(**(dict(base) | {"stops": (middle,)}))
-    PymunkEngine().simulate(Problem(mechanism, 0.1))
-    with pytest.raises(UnsupportedProblemError, match="'bob', whose inertia is 0"):
-        PymunkEngine().simulate(Problem(mechanism, 0.1, stop_law=StopLaw.UNILATERAL))
+    middle = PointStop(
+        name="middle", body="bob", point=(0.5, 0), normal=(0, 1), offset=-0.4, closed=False, restitution=0.5
+    )
+    problem = Problem(Mechanism(**(dict(base) | {"stops": (middle,)})), 1.0, stop_law=StopLaw.UNILATERAL)
+    exact = solve(problem)
+    runs = [PymunkEngine(timestep=h).simulate(problem) for h in (2e-3, 1e-3)]
+    coarse, fine = (np.abs(run.q - exact.motion(run.t).q).max() for run in runs)
+    assert coarse / fine == pytest.approx(4.0, rel=0.2)
+    assert fine < 1e-5  # 2 (h/T)^2 of a swing of a second
+    assert runs[1].impacts[0][1]["middle"] == pytest.approx(exact.impacts[0][1]["middle"], rel=1e-5)
 
 
 def test_a_stop_given_twice_acts_as_once() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from trebucheck.engines import contact_events
 from trebucheck.engines.contact_events import ContactEvents, active_contacts, refuse_moving_gaps, resting
@@ -45,9 +46,10 @@ def test_contacts_that_touch_take_part_in_an_impact() -> None:
 
 
 def test_slow_and_named_contacts_are_plastic() -> None:
-    events = ContactEvents(bouncing(), "engine")
-    assert events.restitution({HANGER: -1.0, SLING: -1e-7}) == {HANGER: 0.5, SLING: 0.0}
-    assert events.restitution({HANGER: -1.0, SLING: -1.0}, plastic=(HANGER,)) == {HANGER: 0.0, SLING: 0.5}
+    events, machine = ContactEvents(bouncing(), "engine"), bouncing()
+    q, u = np.array(machine.start), np.ones(len(machine.start))
+    assert events.restitution({HANGER: -1.0, SLING: -1e-7}, q, u) == {HANGER: 0.5, SLING: 0.0}
+    assert events.restitution({HANGER: -1.0, SLING: -1.0}, q, u, plastic=(HANGER,)) == {HANGER: 0.0, SLING: 0.5}
 
 
 def test_impacts_without_an_end_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:

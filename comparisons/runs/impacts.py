@@ -1,0 +1,76 @@
+"""Which impact of a run is which of the reference's.
+
+An engine with a step does not resolve a rebound that is shorter: a stop that bounces to rest has fewer impacts than in
+the reference, or at other instants, and later ones have other numbers. So impacts are aligned: a pair costs the
+difference of its times; to leave out an impact at the end of an unresolved rebound costs a step; any other impact of
+only one of the two is a disagreement. Unresolved is a rebound of the engine's that is shorter than its step, or one
+of the reference's that is shorter than `FOLLOWED` steps, for an engine may end bouncing some steps earlier.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...models.arrays import FloatArray
+from ...models.trajectory import Trajectory
+from ...reference.solution import Solution
+
+FOLLOWED = 4.0
+"""Steps of the shortest rebound that an engine must follow."""
+_MOST = 100  # impacts that are aligned, of each of the two: enough to find the first ten pairs
+_DROPPED = 0.5  # of a step: shorter rebounds are left out at once
+_MISSING = 1e9  # cost of an impact that only one has, in those of an unresolved one
+
+Pair = tuple[float | None, float | None]
+"""Times of an impact in the engine's motion and in the reference's; None: it has none [s]."""
+
+
+def impact_times(motion: Trajectory | Solution, stop: str) -> list[float]:
+    """Impacts in which a stop pushes [s]."""
+    return [time for time, impulses in motion.impacts if impulses.get(stop, 0.0) > 0]
+
+
+def paired(times: Sequence[float], expected: Sequence[float], step: float) -> list[Pair]:
+    """Impacts of one stop in the order of their times, those at the end of an unresolved rebound only if both have one.
+
+    Args:
+        times: of the engine's [s].
+        expected: of the reference's [s].
+        step: of the engine [s].
+    """
+    own, reference = _resolvable(times, step, 1.0), _resolvable(expected, step, FOLLOWED)
+    costs = _costs(own, reference, step)
+    pairs, i, j = list[Pair](), len(own), len(reference)
+    while i or j:
+        if i and j and costs[i, j] == costs[i - 1, j - 1] + abs(own[i - 1][0] - reference[j - 1][0]) / step:
+            i, j = i - 1, j - 1
+            pairs.append((own[i][0], reference[j][0]))
+        elif i and costs[i, j] == costs[i - 1, j] + own[i - 1][1]:
+            i -= 1
+            pairs += [(own[i][0], None)] if own[i][1] == _MISSING else []
+        else:
+            j -= 1
+            pairs += [(None, reference[j][0])] if reference[j][1] == _MISSING else []
+    return pairs[::-1]
+
+
+def _resolvable(times: Sequence[float], step: float, shortest: float) -> list[tuple[float, float]]:
+    """Impacts [s] that may have a counterpart, and what each costs that has none; `shortest` in steps."""
+    rebounds = [math.inf, *np.diff(times).tolist()]
+    kept = [(t, rebound) for t, rebound in zip(times, rebounds, strict=False) if rebound > _DROPPED * step]
+    return [(t, 1.0 if rebound < shortest * step else _MISSING) for t, rebound in kept[:_MOST]]
+
+
+def _costs(own: list[tuple[float, float]], reference: list[tuple[float, float]], step: float) -> FloatArray:
+    """Least cost of aligning the first i with the first j, shape (len(own) + 1, len(reference) + 1)."""
+    costs = np.zeros((len(own) + 1, len(reference) + 1))
+    costs[1:, 0] = np.cumsum([cost for _, cost in own])
+    costs[0, 1:] = np.cumsum([cost for _, cost in reference])
+    for i, (time, missing) in enumerate(own, start=1):
+        for j, (expected, unpaired) in enumerate(reference, start=1):
+            together = costs[i - 1, j - 1] + abs(time - expected) / step
+            costs[i, j] = min(together, costs[i - 1, j] + missing, costs[i, j - 1] + unpaired)
+    return costs

@@ -1,0 +1,47 @@
+"""Which impact of a run is which of the reference's, where rebounds become shorter than a step."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from trebucheck.comparisons.runs.impacts import FOLLOWED, paired
+
+STEP = 1e-3
+
+
+def bounces(e: float, first: float = 0.4, fall: float = 0.5, least: float = 1e-7) -> list[float]:
+    """Times of impacts of a point that bounces [s], to rebounds of the least length."""
+    lengths = first * e ** np.arange(1 + np.log(least / first) / np.log(e))
+    return (fall + np.concatenate([[0.0], np.cumsum(lengths)])).tolist()
+
+
+@pytest.mark.parametrize("e", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("steps", [0.0, 1.0, 2.9])
+def test_an_engine_may_end_bouncing_a_few_steps_earlier(e: float, steps: float) -> None:
+    """And what is met later, in both, is compared with its own counterpart."""
+    expected = bounces(e)
+    own = [t for t, rebound in zip(expected, [1.0, *np.diff(expected)], strict=True) if rebound > steps * STEP]
+    pairs = paired([*own, 20.0], [*expected, 20.1], STEP)
+    assert None not in {time for pair in pairs for time in pair}
+    assert pairs[0] == (0.5, 0.5) and pairs[-1] == (20.0, 20.1)
+    assert all(a == b for a, b in pairs[:-1])
+
+
+def test_a_rebound_that_an_engine_must_follow_is_missing() -> None:
+    expected = bounces(0.5)
+    short = next(k for k in range(1, 20) if expected[k] - expected[k - 1] < 2 * FOLLOWED * STEP)
+    pairs = paired(expected[:short], expected, STEP)
+    assert pairs[short] == (None, expected[short])
+
+
+@pytest.mark.parametrize(("length", "counts"), [(0.4, False), (0.9, False), (1.2, True), (30.0, True)])
+def test_an_engine_that_bounces_where_the_reference_rests_disagrees(length: float, counts: bool) -> None:
+    """If its rebounds are longer than a step; the reference rests from 0.7 s on."""
+    own = [0.5, 0.7, *(0.7 + length * STEP * np.arange(1, 6)).tolist()]
+    extra = [pair for pair in paired(own, [0.5, 0.7], STEP) if pair[1] is None]
+    assert len(extra) == (5 if counts else 0)
+
+
+def test_impacts_that_come_late_are_still_paired() -> None:
+    late = [t + 0.02 for t in bounces(0.5, least=0.01)]
+    assert paired(late, bounces(0.5), STEP)[:5] == list(zip(late[:5], bounces(0.5)[:5], strict=True))
