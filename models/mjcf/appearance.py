@@ -29,7 +29,7 @@ def scene(mechanism: Mechanism) -> str:
     ET.SubElement(visual, "headlight", ambient="0.4 0.4 0.4", diffuse="0.5 0.5 0.5", specular="0 0 0")
     _add_materials(ET.SubElement(root, "asset"))
     world = ET.SubElement(root, "worldbody")
-    down = -_floor_depth(mechanism)
+    down = -_floor_depth(reach)
     ET.SubElement(world, "light", pos=numbers(-reach, -2 * reach, 3 * reach), dir="0.3 0.6 -1", directional="true")
     ET.SubElement(
         world, "geom", name="floor", type="plane", pos=numbers(0, 0, down), size="0 0 1", material="floor",
@@ -41,10 +41,10 @@ def scene(mechanism: Mechanism) -> str:
     return as_text(root)
 
 
-def add_shapes(mechanism: Mechanism, element: ET.Element, body: Body, origin: Vector) -> None:
+def add_shapes(mechanism: Mechanism, element: ET.Element, body: Body, origin: Vector, reach: float) -> None:
     """Rods from the joint to whatever hangs on the body, and a ball for a point mass: only to be looked at."""
     colour = _COLOURS[mechanism.bodies.index(body) % len(_COLOURS)]
-    thick = 0.009 * reach_of(mechanism) * (1.0 if body.inertia > 0 else 0.4)
+    thick = 0.009 * reach * (1.0 if body.inertia > 0 else 0.4)
     for point in _ends(mechanism, body, origin):
         ET.SubElement(
             element, "geom", type="capsule", fromto=f"0 0 0 {from_origin(origin, point)}", size=number(round(thick, 6)),
@@ -57,11 +57,11 @@ def add_shapes(mechanism: Mechanism, element: ET.Element, body: Body, origin: Ve
         )
 
 
-def add_stand(mechanism: Mechanism, world: ET.Element, joint: AnyJoint) -> None:
+def add_stand(world: ET.Element, joint: AnyJoint, reach: float) -> None:
     """Two legs under a pin, or a rail on posts through a slot; nothing where nothing is held."""
     if not joint.held_directions:
         return
-    reach, foot, (x, z) = reach_of(mechanism), -_floor_depth(mechanism), joint.parent_point
+    foot, (x, z) = -_floor_depth(reach), joint.parent_point
     if joint.free_directions:
         (axis,) = joint.free_directions
         a, b = (round(0.6 * reach * component, 3) for component in (axis.real, axis.imag))
@@ -99,8 +99,8 @@ def reach_of(mechanism: Mechanism) -> float:
     return round(max(float(abs(row.coefficients[:n_bodies]).sum()) for row in rows), 3) or 1.0
 
 
-def _floor_depth(mechanism: Mechanism) -> float:
-    return round(1.05 * reach_of(mechanism), 3)
+def _floor_depth(reach: float) -> float:
+    return round(1.05 * reach, 3)
 
 
 def _add_materials(asset: ET.Element) -> None:

@@ -13,6 +13,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 from ..errors import UnsupportedProblemError
 from ..joints import GROUND, AnyJoint
@@ -83,22 +84,27 @@ class Points:
                 message = f"stop {stop.name!r} holds a point of {stop.body!r} against {stop.body!r} itself."
                 raise UnsupportedProblemError(message)
 
-    @property
+    @cached_property
+    def reach(self) -> float:
+        """A length no point of the machine is farther from its ground joints [m]."""
+        return reach_of(self.mechanism)
+
+    @cached_property
     def slots(self) -> tuple[AnyJoint, ...]:
         """Slots and sliders that close loops."""
         return tuple(joint for joint in self.mechanism.loop_joints if joint.free_directions)
 
-    @property
+    @cached_property
     def pins(self) -> tuple[AnyJoint, ...]:
         """Pins and welds that close loops."""
         return tuple(joint for joint in self.mechanism.loop_joints if not joint.free_directions)
 
-    @property
+    @cached_property
     def turned(self) -> tuple[AnyJoint, ...]:
         """Joints that close loops and hold an angle."""
         return tuple(joint for joint in self.mechanism.loop_joints if joint.holds_angle)
 
-    @property
+    @cached_property
     def walls(self) -> tuple[Wall, ...]:
         """One a stop, two a slot."""
         return (*(_wall(stop) for stop in self.mechanism.point_stops), *(s for j in self.slots for s in _sides(j)))
@@ -107,7 +113,7 @@ class Points:
         """Softness of contacts and equalities; the margin [m] is that of a machine of a metre."""
         soft = {"solref": solref, "solimp": solimp}
         if self.walls:
-            near = margin * max(1.0, reach_of(self.mechanism))  # what rounding makes of a gap of zero
+            near = margin * max(1.0, self.reach)  # what rounding makes of a gap of zero
             ET.SubElement(default, "pair", soft, condim="1", margin=number(near))
         if self.pins or self.turned:
             ET.SubElement(default, "equality", soft)
@@ -117,7 +123,7 @@ class Points:
 
         The planes are behind the points' own half-planes by the radius of the balls.
         """
-        size, radius = round(1.5 * reach_of(self.mechanism), 3), self._radius
+        size, radius = round(1.5 * self.reach, 3), self._radius
         for wall in self.walls:
             if wall.body != GROUND:
                 continue
@@ -132,7 +138,7 @@ class Points:
 
     def _add_boxes(self, element: ET.Element, body: str, origin: Vector) -> None:
         """Walls on a body that moves, where MuJoCo has no planes; the point is never beyond their ends."""
-        thickness, beyond = _THICKNESS * self._radius, _BEYOND * reach_of(self.mechanism)
+        thickness, beyond = _THICKNESS * self._radius, _BEYOND * self.reach
         for wall in self.walls:
             if wall.body == body:
                 behind = wall.offset - self._radius - thickness
@@ -203,9 +209,9 @@ class Points:
         for joint in self.mechanism.loop_joints:
             ET.SubElement(sensor, "force", name=force_sensor(joint.name), site=f"{joint.name}/joint")
 
-    @property
+    @cached_property
     def _radius(self) -> float:
-        return round(0.01 * reach_of(self.mechanism), 6)
+        return round(0.01 * self.reach, 6)
 
     def _point(self, element: ET.Element, name: str, origin: Vector, point: Vector) -> ET.Element:
         return ET.SubElement(element, "body", name=f"{name}/point", pos=from_origin(origin, point))

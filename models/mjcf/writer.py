@@ -23,7 +23,7 @@ from ..kinematics import initial_state
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
 from ..stops import PointStop, Stop
-from .appearance import MODEL_FILE, add_shapes, add_stand, reach_of, scene
+from .appearance import MODEL_FILE, add_shapes, add_stand, scene
 from .forces import Forces
 from .points import Points, force_sensor, torque_sensor
 from .text import as_text, from_origin, number, numbers, spatial
@@ -171,13 +171,13 @@ class _Writer:
         ET.SubElement(default, "joint", stiff, axis="0 1 0", margin=number(MARGIN))
         ET.SubElement(default, "tendon", stiff, margin=number(MARGIN))
         ET.SubElement(default, "geom", group="2", contype="0", conaffinity="0", mass="0")
-        ET.SubElement(default, "site", group="4", size=number(0.01 * reach_of(self.mechanism)))
+        ET.SubElement(default, "site", group="4", size=number(0.01 * self.points.reach))
         self.points.add_defaults(default, solref, solimp, MARGIN)
 
     def _add_world(self, world: ET.Element) -> None:
         for joint in (*self.mechanism.tree_joints, *self.mechanism.loop_joints):
             if joint.parent == GROUND:
-                add_stand(self.mechanism, world, joint)
+                add_stand(world, joint, self.points.reach)
         self.points.add_ground(world)
         self._add_sites(world, GROUND, (0.0, 0.0))
         for body in self.mechanism.children(GROUND):
@@ -193,7 +193,7 @@ class _Writer:
             diaginertia=numbers(inertia, inertia, inertia),
         )  # fmt: skip
         self._add_joints(element, joint)
-        add_shapes(self.mechanism, element, body, joint.child_point)
+        add_shapes(self.mechanism, element, body, joint.child_point, self.points.reach)
         ET.SubElement(element, "site", name=f"{joint.name}/joint")
         self._add_sites(element, body.name, joint.child_point)
         self.points.add_points(element, body, joint.child_point)
