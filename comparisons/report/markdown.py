@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from .document import Block, Cell, Code, Document, Figure, Fold, Grid, Heading, Listing, Table, Text, Tiles, in_medium
+from .document import (
+    Animation, Block, Cell, Code, Document, Figure, Fold, Grid, Heading, Listing, Table, Text, Tiles, in_medium,
+)  # fmt: skip
 from .html import SIGNS
 
 
@@ -37,6 +39,8 @@ def _part(block: Block, signs: bool) -> str:
             part = _table(block, signs)
         case Code():
             part = f"{block.title}\n\n```\n{block.text.rstrip()}\n```"
+        case Animation():
+            part = ""
         case Figure():
             part = f"**{block.title}** {block.caption}".rstrip()
         case Grid():

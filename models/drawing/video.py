@@ -1,0 +1,281 @@
+"""Animations and pictures as files: GIF, MP4, SVG and HTML, all of the same drawing."""
+
+from __future__ import annotations
+
+import cmath
+import io
+import math
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from ..arrays import ComplexArray
+from ..errors import InputError
+from ..files import refuse_unwritable, write_bytes
+from .animation import Animation
+from .picture import PALETTE, Label, Mark, Picture, Stroke
+from .scene import Scene
+
+_SECONDS = 6.0  # of a motion, as it is shown
+_SLOWED, _NEAR = 3.0, 0.02  # slow motion: how much, and within which part of the end about an event
+_HOLD = 1.2  # [s] the last picture stays
+_SAMPLES = 2  # pixels that are drawn in each direction for one of the picture
+_DASH = (7.0, 5.0)  # [px]
+
+
+def refuse_other_endings(path: Path) -> None:
+    """Raise InputError if no picture is written to a file of that name.
+
+    Raises:
+        InputError: its ending is not known, or what it needs is not installed.
+        UnwritableError: its folder cannot be written to.
+    """
+    if path.suffix.lower() not in _WRITERS:
+        raise InputError(f"{path} must end in one of: {', '.join(_WRITERS)}.")
+    if path.suffix.lower() == ".mp4":
+        _ffmpeg()
+    refuse_unwritable(path.parent, path.name)
+
+
+def save(scene: Scene, path: str | Path, *, magnification: float | None = None, width: int = 640) -> None:
+    """Write an animation, or a picture (SVG), by the ending of the file's name.
+
+    Args:
+        scene: what is shown.
+        path: ends in .gif, .mp4, .svg or .html.
+        magnification: of the runs' deviations; chosen so that they are seen where left out.
+        width: of the picture [px].
+
+    Raises:
+        InputError: the ending is not known, what it needs is not installed, or a value is not valid.
+        UnwritableError: the folder cannot be written to.
+    """
+    path = Path(path)
+    refuse_other_endings(path)
+    if not 100 <= width <= 4000:
+        raise InputError(f"width = {width!r} px must be between 100 and 4000.")
+    if magnification is not None and not 1 <= magnification <= 1e12:
+        raise InputError(f"magnification = {magnification!r} must be between 1 and 1e12.")
+    factor = 10.0**scene.magnification if magnification is None else magnification
+    picture = Picture(scene, 2 * (width // 2), factor)
+    write_bytes(path, _WRITERS[path.suffix.lower()](picture))
+
+
+# --- Time -------------------------------------------------------------------------------------------------------------
+
+
+def play_times(scene: Scene, rate: float) -> list[float]:
+    """Instants of the motion [s] that are shown at a constant rate [1/s]: about events they are closer."""
+    end, events = float(scene.t[-1]), [event.time for event in scene.events]
+    times, time = [0.0], 0.0
+    while time < end:
+        nearest = min((abs(event - time) for event in events), default=np.inf) / (_NEAR * end)
+        slower = 1.0 + (_SLOWED - 1.0) * float(np.clip(2.0 - nearest, 0.0, 1.0))
+        time = min(time + end / _SECONDS / rate / slower, end)
+        times.append(time)
+    return times
+
+
+def _frames(picture: Picture, rate: float) -> Iterator[Image.Image]:
+    for time in play_times(picture.scene, rate):
+        yield raster(picture.frame(time), picture.width, picture.height)
+
+
+# --- Files ------------------------------------------------------------------------------------------------------------
+
+
+def _gif(picture: Picture, rate: float = 18.0) -> bytes:
+    frames = list(_frames(picture, rate))
+    palette = frames[-1].quantize(96, dither=Image.Dither.NONE)
+    images = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    durations = [round(1e3 / rate)] * (len(images) - 1) + [round(1e3 * _HOLD)]
+    buffer = io.BytesIO()
+    images[0].save(buffer, "gif", save_all=True, append_images=images[1:], duration=durations, loop=0, optimize=True)
+    return buffer.getvalue()
+
+
+def _mp4(picture: Picture, rate: float = 30.0) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "video.mp4")
+        writer = _ffmpeg().write_frames(str(path), (picture.width, picture.height), fps=rate, macro_block_size=2)
+        writer.send(None)
+        frame = b""
+        for image in _frames(picture, rate):
+            frame = image.tobytes()
+            writer.send(frame)
+        for _ in range(round(_HOLD * rate)):
+            writer.send(frame)
+        writer.close()
+        return path.read_bytes()
+
+
+def _ffmpeg() -> Any:
+    try:
+        import imageio_ffmpeg
+    except ImportError:
+        raise InputError("an .mp4 needs imageio-ffmpeg; `pip install trebucheck[video]` brings it.") from None
+    return imageio_ffmpeg
+
+
+def _html(picture: Picture) -> bytes:
+    name = picture.scene.mechanism_title
+    return Animation((picture.scene,), f"{name}, in motion").to_html().encode()
+
+
+def _svg(picture: Picture) -> bytes:
+    """A stroboscope: the mechanism at the start, at events and at the end, with the traces of its markers."""
+    return svg(strobe(picture), picture.width, picture.height, picture.scene.mechanism_title).encode()
+
+
+_WRITERS: dict[str, Callable[[Picture], bytes]] = {".gif": _gif, ".mp4": _mp4, ".svg": _svg, ".html": _html}
+
+
+# --- Vectors ----------------------------------------------------------------------------------------------------------
+
+
+def strobe(picture: Picture) -> list[Mark]:
+    """Marks of the whole motion at once; earlier instants are fainter."""
+    scene = picture.scene
+    end = float(scene.t[-1])
+    times = sorted({0.0, *(event.time for event in scene.events[:4] if event.time < 0.98 * end)})
+    if len(times) < 3:
+        times = sorted({*times, end / 3, 2 * end / 3})
+    marks: list[Mark] = list(picture.traces(end))
+    for k, time in enumerate(times):
+        marks += picture.reference(time, 0.25 + 0.2 * k / len(times))
+    marks += [*picture.reference(end)]
+    marks += [stroke for run in scene.runs for stroke in picture.run(run, end)]
+    return [*marks, *picture.names(end), *picture.legend(f"0 to {end:.4g} s")]
+
+
+def svg(marks: list[Mark], width: int, height: int, title: str) -> str:
+    """Marks as an SVG file."""
+    body = "\n".join(_svg_label(mark) if isinstance(mark, Label) else _svg_stroke(mark) for mark in marks)
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" '
+        f'role="img" font-family="system-ui, sans-serif"><title>{escape(title)}</title>\n'
+        f'<rect width="{width}" height="{height}" fill="{PALETTE["surface"]}"/>\n{body}\n</svg>\n'
+    )
+
+
+def _svg_stroke(stroke: Stroke) -> str:
+    look = f'fill="{stroke.fill or "none"}"'
+    if stroke.line:
+        look += f' stroke="{stroke.line}" stroke-width="{stroke.width:.3g}" stroke-linejoin="round"'
+        look += ' stroke-dasharray="7 5"' if stroke.dashed else ' stroke-linecap="round"'
+    if stroke.opacity < 1:
+        look += f' opacity="{stroke.opacity:.2g}"'
+    if stroke.radius:
+        at = complex(stroke.points[0])
+        return f'<circle cx="{at.real:.2f}" cy="{at.imag:.2f}" r="{stroke.radius:.2f}" {look}/>'
+    points = " ".join(f"{z.real:.2f},{z.imag:.2f}" for z in stroke.points)
+    return f'<polyline points="{points}" {look}/>'
+
+
+def _svg_label(label: Label) -> str:
+    return (
+        f'<text x="{label.x:.1f}" y="{label.y:.1f}" font-size="{label.size:g}" fill="{label.colour}" '
+        f'stroke="{PALETTE["surface"]}" stroke-width="3" paint-order="stroke">{escape(label.text)}</text>'
+    )
+
+
+# --- Pixels -----------------------------------------------------------------------------------------------------------
+
+
+def raster(marks: list[Mark], width: int, height: int) -> Image.Image:
+    """Marks as pixels, smoothed."""
+    brush = _Brush(width, height)
+    for mark in marks:
+        if isinstance(mark, Stroke):
+            brush.stroke(mark)
+    image = brush.image.reduce(_SAMPLES)
+    draw = ImageDraw.Draw(image)
+    for mark in marks:
+        if isinstance(mark, Label):
+            at, font = (mark.x, mark.y), _font(mark.size)
+            draw.text(at, mark.text, mark.colour, font, "ls", stroke_width=2, stroke_fill=PALETTE["surface"])
+    return image
+
+
+@cache
+def _font(size: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(size)
+
+
+@dataclass
+class _Brush:
+    """Draws strokes onto an image of several pixels for each."""
+
+    width: int
+    height: int
+
+    def __post_init__(self) -> None:
+        self.image = Image.new("RGB", (self.width * _SAMPLES, self.height * _SAMPLES), PALETTE["surface"])
+        self.draw = ImageDraw.Draw(self.image)
+
+    def stroke(self, stroke: Stroke) -> None:
+        """A polyline, an area or a circle; colours of faint ones are mixed with the background's."""
+        line, fill = (_mixed(colour, stroke.opacity) if colour else None for colour in (stroke.line, stroke.fill))
+        width = max(round(stroke.width * _SAMPLES), 1)
+        if stroke.radius:
+            self._circle(stroke, line, fill, width)
+            return
+        points = _within(stroke.points, self.width, self.height)
+        if fill and len(points) > 2:
+            self.draw.polygon(_flat(points), fill)
+        if line:
+            for part in _dashes(points) if stroke.dashed else [points]:
+                self._line(part, line, width, round_ends=not stroke.dashed)
+
+    def _circle(self, stroke: Stroke, line: str | None, fill: str | None, width: int) -> None:
+        centre = complex(stroke.points[0])
+        if stroke.dashed:
+            rim = np.array([centre + cmath.rect(stroke.radius, k * math.pi / 24) for k in range(49)])
+            for part in _dashes(rim):
+                self._line(part, line or "", width, round_ends=False)
+        elif abs(centre) < 20 * (self.width + self.height):
+            outer = stroke.radius + (stroke.width / 2 if line else 0.0)
+            box = [(centre.real - outer) * _SAMPLES, (centre.imag - outer) * _SAMPLES]
+            box += [(centre.real + outer) * _SAMPLES, (centre.imag + outer) * _SAMPLES]
+            self.draw.ellipse(box, fill, line, width if line else 0)
+
+    def _line(self, points: ComplexArray, colour: str, width: int, *, round_ends: bool) -> None:
+        flat = _flat(points)
+        self.draw.line(flat, colour, width, joint="curve")
+        if round_ends and width > 3:
+            for x, y in (flat[0], flat[-1]):
+                self.draw.ellipse([x - width / 2, y - width / 2, x + width / 2, y + width / 2], colour)
+
+
+def _flat(points: ComplexArray) -> list[tuple[float, float]]:
+    return [(float(z.real) * _SAMPLES, float(z.imag) * _SAMPLES) for z in points]
+
+
+def _within(points: ComplexArray, width: int, height: int) -> ComplexArray:
+    """Far points, of a much magnified deviation, nearer: a raster's coordinates are limited."""
+    most = 20.0 * (width + height)
+    return np.clip(points.real, -most, most) + 1j * np.clip(points.imag, -most, most)
+
+
+def _dashes(points: ComplexArray) -> Iterator[ComplexArray]:
+    """Pieces of a polyline."""
+    along = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)))])
+    period, length = sum(_DASH), float(along[-1])
+    for k in range(min(int(length / period) + 1, 500)):
+        start, stop = k * period, min(k * period + _DASH[0], length)
+        inner = along[(along > start) & (along < stop)]
+        at = np.array([start, *inner, stop])
+        if stop > start:
+            yield np.interp(at, along, points.real) + 1j * np.interp(at, along, points.imag)
+
+
+def _mixed(colour: str, opacity: float) -> str:
+    parts = [(int(colour[i : i + 2], 16), int(PALETTE["surface"][i : i + 2], 16)) for i in (1, 3, 5)]
+    return "#" + "".join(f"{round(a * opacity + b * (1 - opacity)):02x}" for a, b in parts)
