@@ -5,9 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from .document import (
-    Animation, Block, Cell, Code, Document, Figure, Fold, Grid, Heading, Listing, Table, Text, Tiles, in_medium,
-)  # fmt: skip
+from .document import Block, Cell, Code, Document, Figure, Fold, Grid, Heading, Listing, Table, Text, Tiles, in_medium
 from .html import SIGNS
 
 
@@ -39,8 +37,6 @@ def _part(block: Block, signs: bool) -> str:
             part = _table(block, signs)
         case Code():
             part = f"{block.title}\n\n```\n{block.text.rstrip()}\n```"
-        case Animation():
-            part = ""
         case Figure():
             part = f"**{block.title}** {block.caption}".rstrip()
         case Grid():
@@ -48,6 +44,8 @@ def _part(block: Block, signs: bool) -> str:
         case Fold():
             inner = "\n\n".join(_parts(block.blocks, signs))
             part = f"<details><summary>{_plain(block.title)}</summary>\n\n{inner}\n\n</details>"
+        case _:  # an animation, which only a page can show
+            part = ""
     return part
 
 
