@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from ..models.errors import SimulationError, TrebucheckError, shortened
-from . import catalogue, certify, data, diff, problems, run, studies, throw
+from . import animate, catalogue, certify, data, diff, problems, run, studies, throw
 from .output import printable
 
 app = typer.Typer(
@@ -37,6 +37,8 @@ for name, command in {
     "explain": studies.explain_command,
     "run": run.run_command,
     "throw": throw.throw_command,
+    "animate": animate.animate_command,
+    "view": animate.view_command,
     "certify": certify.certify_command,
     "recommend": studies.recommend_command,
     "converge": studies.converge_command,

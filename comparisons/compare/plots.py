@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.drawing.scene import RunLook, Scene, scene
+from ...models.drawing.scene import Scene
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 from ..report.document import Animation, Figure, Grid
+from ..report.motion import motion_scene
 from ..report.plots import REFERENCE, Axis, Panels, Plot, Rule, Series, Style, run_style
 from ..runs.balance import sampled_balance
 
@@ -94,14 +95,10 @@ def motion(comparison: Comparison) -> Animation:
 
 
 def _scene(comparison: Comparison, machine: Machine) -> Scene:
-    looks: dict[str, RunLook] = {}
-    for (model, label), trajectory in comparison.trajectories.items():
-        if model == machine.model and label != "reference tuned":
-            style = run_style(trajectory.provenance.engine, trajectory.provenance.preset)
-            looks[label] = RunLook(trajectory, style.colour, style.dashed)
-    states = comparison.solutions[machine.model].trajectory
+    runs = {label: run for (model, label), run in comparison.trajectories.items() if model == machine.model}
+    states, name = comparison.solutions[machine.model].trajectory, machine.model
     end, thrown, launch = machine.compared_to, machine.thrown, machine.launch_time
-    return scene(states, looks, end=end, thrown=thrown, launch=launch, name=machine.model)
+    return motion_scene(states, runs, end=end, thrown=thrown, launch=launch, name=name)
 
 
 def figures(comparison: Comparison, machine: Machine) -> Grid:

@@ -116,7 +116,9 @@ def compare_study(study: Study, progress: Callable[[Case, int, int], None] | Non
 
         def own(case: Case) -> Engine:
             made, runs = engines[case.engine, case.preset], machines[case.model]
-            return study.engine_for(runs.machine, made) if isinstance(runs, MachineRuns) else made
+            if not isinstance(runs, MachineRuns):
+                return made
+            return study.engine_for(case.model, runs.machine.scales.time, made)
 
         def simulated(case: Case) -> RunRecord | Simulated:
             return machines[case.model].simulated(case, own(case))

@@ -16,7 +16,6 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.problems.registry import find_benchmark
 from ...models.spec import Spec
-from .results import Machine
 from .runner import Worker
 from .store import Store
 from .tolerances import Needs
@@ -161,20 +160,21 @@ class Study:
         """
         return engine(name, preset, **options_for(name, self.options))
 
-    def engine_for(self, machine: Machine, made: Engine) -> Engine:
+    def engine_for(self, model: str, time: float, made: Engine) -> Engine:
         """An engine for a machine; in a problem of the library a preset's step is for a characteristic time of 1 s.
 
         The library's problems last from hundredths of a second to minutes: one step for all would say little of any.
 
         Args:
-            machine: with its scales.
+            model: name of the mechanism.
+            time: characteristic time of its motion [s].
             made: as :meth:`engine` makes it.
         """
-        in_library = machine.model in self._problems and find_benchmark(machine.model) is not None
+        in_library = model in self._problems and find_benchmark(model) is not None
         own = options_for(made.name, self.options)
         if made.timestep is None or "timestep" in own or not in_library:
             return made
-        step = float(f"{made.timestep * machine.scales.time:.2g}")
+        step = float(f"{made.timestep * time:.2g}")
         return engine(made.name, made.preset, **{**own, "timestep": step})
 
     def worker(self) -> Worker:

@@ -77,6 +77,13 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
 
         return units_of(problem.mechanism).run(run, problem, self)
 
+    def view(self, mechanism: Mechanism) -> None:
+        """Open MuJoCo's own viewer, and return when it is closed."""
+        self.refuse_absence()
+        from .view import view
+
+        view(mechanism, self.timestep)
+
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The built model's mass matrix, forces and forward dynamics in each state, its closed limits at rest."""
         self.refuse_absence()

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,15 +21,32 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from ..arrays import FloatArray
+from ..errors import InputError
+from ..files import refuse_unwritable, write_text
 from ..joints import FreeJoint
 from .events import Event
 from .scene import RunMotion, Scene
 from .shapes import MOVING, Drawing, Shape
+from .video import WRITERS, refuse_missing, save
 
 _DIGITS = 9  # of coefficients and sizes: more than a float32 has
 
 
-@dataclass(frozen=True)
+def refuse_other_endings(path: Path) -> None:
+    """Refuse, before anything is computed, a file that no animation can be written to.
+
+    Raises:
+        InputError: its ending is not known, or what it needs is not installed.
+        UnwritableError: its folder cannot be written to.
+    """
+    ending = path.suffix.lower()
+    if ending not in (*WRITERS, ".html"):
+        raise InputError(f"{str(path)!r} must end in one of: {', '.join(WRITERS)}, .html.")
+    refuse_missing(ending)
+    refuse_unwritable(path.parent, path.name)
+
+
+@dataclass(frozen=True, repr=False)
 class Animation:
     """One or several mechanisms in motion, of which one is shown at a time."""
 
@@ -43,6 +61,30 @@ class Animation:
     def to_html(self) -> str:
         """A page of its own."""
         return _template("page.html.j2").render(animation=self, fragment=self.fragment(), assets=assets())
+
+    def save(self, path: str | Path, width: int = 640) -> None:
+        """Write it: by its ending as GIF, MP4 (both play), SVG (the whole motion in one picture) or HTML.
+
+        Args:
+            path: ends in .gif, .mp4, .svg or .html; only a page holds several mechanisms.
+            width: of the picture [px].
+
+        Raises:
+            InputError: the ending is not known, what it needs is not installed, or there are several mechanisms.
+            UnwritableError: the folder cannot be written to.
+        """
+        path = Path(path)
+        refuse_other_endings(path)
+        if path.suffix.lower() == ".html":
+            write_text(path, self.to_html())
+            return
+        if len(self.scenes) != 1:
+            raise InputError(f"{path} can show one mechanism, not {len(self.scenes)}; a page (.html) shows several.")
+        save(self.scenes[0], path, width=width)
+
+    def __repr__(self) -> str:
+        names = ", ".join(f"{scene.name} ({len(scene.runs)} runs)" for scene in self.scenes)
+        return f"Animation of {names}"
 
     def _repr_html_(self) -> str:
         """In a notebook: the page in a frame of its own."""
@@ -90,6 +132,7 @@ def scene_data(scene: Scene) -> dict[str, Any]:
         "points": _points(drawing),
         "shapes": [_shape(shape) for shape in drawing.shapes],
         "markers": drawing.markers,
+        "compared": drawing.compared,
         "box": [_short(edge) for edge in drawing.box],
         "size": _short(drawing.size),
         "stops": [_stop(drawing, name) for name in stops],
@@ -98,7 +141,7 @@ def scene_data(scene: Scene) -> dict[str, Any]:
         "forces": _packed(np.hstack([reference.joint_reaction(name) for name in joints])) if joints else "",
         "runs": [_run(run) for run in scene.runs],
         "events": [_event(event) for event in scene.events],
-        "magnification": scene.magnification,
+        "magnification": math.log10(scene.magnification),
         "down": drawing.mechanism.gravity_direction,
     }
 

@@ -34,9 +34,11 @@ def draw(mechanism: Mechanism, q: FloatArray | None = None) -> Drawing:
     markers = {marker.name: sketch.point(marker.body, complex(*marker.point)) for marker in mechanism.markers}
     for index in markers.values():
         sketch.add("disc", "marker", (index,), 0.004 * sketch.size)
+    centres = tuple(sketch.point(body.name, complex(*body.centre)) for body in mechanism.bodies)
+    compared = tuple(dict.fromkeys(markers.values())) or centres
     shapes = tuple(sorted(sketch.shapes, key=lambda shape: ROLES.index(shape.role)))
     box = _box(sketch, shapes)
-    return Drawing(mechanism, tuple(sketch.points), shapes, markers, joints, stops, box, sketch.size)
+    return Drawing(mechanism, tuple(sketch.points), shapes, markers, compared, joints, stops, box, sketch.size)
 
 
 def _box(sketch: Sketch, shapes: tuple[Shape, ...]) -> Box:

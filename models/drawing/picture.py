@@ -170,7 +170,7 @@ class Picture:
 
     @cached_property
     def _marked(self) -> list[int]:
-        return sorted(set(self.scene.drawing.markers.values()))
+        return list(self.scene.drawing.compared)
 
     @cached_property
     def _paths(self) -> dict[str | None, ComplexArray]:

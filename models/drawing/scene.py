@@ -29,6 +29,8 @@ _MOST_EVENTS = 12  # about which they are
 _SAME = 1e-3  # a marker is where q puts it, if it is less than this share of its deviation away
 _ROUNDING = 1e-14  # of the size, below which a deviation is rounding
 
+_MOST = 1e12  # times that a deviation is magnified
+
 States = Callable[[FloatArray], Trajectory]
 """A motion at any times [s] up to its end."""
 
@@ -69,7 +71,9 @@ class Scene:
     runs: tuple[RunMotion, ...]
     events: tuple[Event, ...]
     notes: str = field(default="", kw_only=True)
-    """A sentence on what is seen, such as where the comparison ends."""
+    """A sentence on what is seen, such as which runs are missing."""
+    magnify: float | None = field(default=None, kw_only=True)
+    """By what deviations are magnified at first; None: so that they are seen."""
 
     @property
     def mechanism_title(self) -> str:
@@ -89,19 +93,21 @@ class Scene:
         return deviation
 
     def error(self, run: RunMotion) -> FloatArray:
-        """Largest distance of any marker from the reference's [m], shape (n,)."""
-        markers = list(self.drawing.markers.values())
-        if not markers:
-            return np.full(len(self.t), np.nan)
-        return np.linalg.norm(self.deviation(run)[:, markers], axis=-1).max(axis=-1)
+        """Largest distance of any compared point from the reference's [m], shape (n,)."""
+        compared = self.deviation(run)[:, list(self.drawing.compared)]
+        return np.linalg.norm(compared, axis=-1).max(axis=-1)
 
     @cached_property
-    def magnification(self) -> int:
-        """The power of ten by which the largest deviation of any run is magnified to at most an eighth of the size."""
-        largest = max((float(np.nanmax(np.abs(self.deviation(run)))) for run in self.runs), default=0.0)
-        if not largest > 0:
-            return 0
-        return int(np.clip(np.floor(np.log10(self.drawing.size / 8 / largest)), 0, 8))
+    def magnification(self) -> float:
+        """By what deviations are magnified at first.
+
+        As asked for, or the power of ten that makes the largest deviation of any run at most an eighth of the size.
+        """
+        if self.magnify is not None:
+            return self.magnify
+        errors = [self.error(run) for run in self.runs]
+        largest = max((float(np.nanmax(error)) for error in errors if np.isfinite(error).any()), default=0.0)
+        return 10.0 ** np.clip(np.floor(np.log10(self.drawing.size / 8 / largest)), 0, 8) if largest > 0 else 1.0
 
 
 def scene(
@@ -113,6 +119,7 @@ def scene(
     launch: float | None = None,
     name: str = "",
     notes: str = "",
+    magnify: float | None = None,
 ) -> Scene:
     """The data of an animation.
 
@@ -124,10 +131,13 @@ def scene(
         launch: the reference's [s]; found on its frames where left out.
         name: of the mechanism, if another one than its own.
         notes: a sentence below the picture.
+        magnify: by what deviations are magnified at first; chosen so that they are seen where left out.
 
     Raises:
-        InputError: there is no end, or a run is of another mechanism.
+        InputError: there is no end, the magnification is below 1, or a run is of another mechanism.
     """
+    if magnify is not None and not 1 <= magnify <= _MOST:
+        raise InputError(f"magnify = {magnify!r} must be between 1 and {_MOST:g}.")
     runs = runs or {}
     if isinstance(states, Trajectory):
         end = float(states.t[-1]) if end is None else min(end, float(states.t[-1]))
@@ -146,7 +156,7 @@ def scene(
     reference = states(t)
     drawing = draw(first.mechanism, reference.q)
     motions = tuple(_motion_of(label, run, states, drawing, t) for label, run in runs.items())
-    return Scene(name or first.mechanism.name, drawing, t, reference, motions, events, notes=notes)
+    return Scene(name or first.mechanism.name, drawing, t, reference, motions, events, notes=notes, magnify=magnify)
 
 
 def _event_times(first: Trajectory, runs: Mapping[str, RunLook], end: float) -> list[float]:

@@ -82,6 +82,9 @@ class Drawing:
     shapes: tuple[Shape, ...]
     markers: dict[str, int]
     """Index of each marker's point, by name."""
+    compared: tuple[int, ...]
+    """Indices of the points whose distance from the reference's counts: the markers', or without any, of the bodies'
+    centres of mass."""
     joints: dict[str, int]
     """Index of the point at which each joint's force acts."""
     stops: dict[str, tuple[int, int]]

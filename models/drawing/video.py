@@ -1,4 +1,4 @@
-"""Animations and pictures as files: GIF, MP4, SVG and HTML, all of the same drawing."""
+"""Animations and pictures as files: GIF, MP4 and SVG, of the same drawing as in pages."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ..arrays import ComplexArray
 from ..errors import InputError
-from ..files import refuse_unwritable, write_bytes
-from .animation import Animation
+from ..files import write_bytes
 from .picture import PALETTE, Label, Mark, Picture, Stroke
 from .scene import Scene
 
@@ -27,45 +26,32 @@ _SECONDS = 6.0  # of a motion, as it is shown
 _SLOWED, _NEAR = 3.0, 0.02  # slow motion: how much, and within which part of the end about an event
 _HOLD = 1.2  # [s] the last picture stays
 _SAMPLES = 2  # pixels that are drawn in each direction for one of the picture
+_NARROWEST, _WIDEST = 100, 4000  # [px]
 _DASH = (7.0, 5.0)  # [px]
 
 
-def refuse_other_endings(path: Path) -> None:
-    """Raise InputError if no picture is written to a file of that name.
-
-    Raises:
-        InputError: its ending is not known, or what it needs is not installed.
-        UnwritableError: its folder cannot be written to.
-    """
-    if path.suffix.lower() not in _WRITERS:
-        raise InputError(f"{path} must end in one of: {', '.join(_WRITERS)}.")
-    if path.suffix.lower() == ".mp4":
+def refuse_missing(ending: str) -> None:
+    """Raise InputError if what writes files of an ending is not installed."""
+    if ending == ".mp4":
         _ffmpeg()
-    refuse_unwritable(path.parent, path.name)
 
 
-def save(scene: Scene, path: str | Path, *, magnification: float | None = None, width: int = 640) -> None:
-    """Write an animation, or a picture (SVG), by the ending of the file's name.
+def save(scene: Scene, path: Path, width: int) -> None:
+    """Write an animation, or a picture (SVG), by the ending of the file's name, with deviations as the scene says.
 
     Args:
         scene: what is shown.
-        path: ends in .gif, .mp4, .svg or .html.
-        magnification: of the runs' deviations; chosen so that they are seen where left out.
+        path: ends in one of :data:`WRITERS`.
         width: of the picture [px].
 
     Raises:
-        InputError: the ending is not known, what it needs is not installed, or a value is not valid.
+        InputError: the width is not valid.
         UnwritableError: the folder cannot be written to.
     """
-    path = Path(path)
-    refuse_other_endings(path)
-    if not 100 <= width <= 4000:
-        raise InputError(f"width = {width!r} px must be between 100 and 4000.")
-    if magnification is not None and not 1 <= magnification <= 1e12:
-        raise InputError(f"magnification = {magnification!r} must be between 1 and 1e12.")
-    factor = 10.0**scene.magnification if magnification is None else magnification
-    picture = Picture(scene, 2 * (width // 2), factor)
-    write_bytes(path, _WRITERS[path.suffix.lower()](picture))
+    if not _NARROWEST <= width <= _WIDEST:
+        raise InputError(f"width = {width!r} px must be between {_NARROWEST} and {_WIDEST}.")
+    picture = Picture(scene, 2 * (width // 2), scene.magnification)
+    write_bytes(path, WRITERS[path.suffix.lower()](picture))
 
 
 # --- Time -------------------------------------------------------------------------------------------------------------
@@ -124,17 +110,13 @@ def _ffmpeg() -> Any:
     return imageio_ffmpeg
 
 
-def _html(picture: Picture) -> bytes:
-    name = picture.scene.mechanism_title
-    return Animation((picture.scene,), f"{name}, in motion").to_html().encode()
-
-
 def _svg(picture: Picture) -> bytes:
     """A stroboscope: the mechanism at the start, at events and at the end, with the traces of its markers."""
     return svg(strobe(picture), picture.width, picture.height, picture.scene.mechanism_title).encode()
 
 
-_WRITERS: dict[str, Callable[[Picture], bytes]] = {".gif": _gif, ".mp4": _mp4, ".svg": _svg, ".html": _html}
+WRITERS: dict[str, Callable[[Picture], bytes]] = {".gif": _gif, ".mp4": _mp4, ".svg": _svg}
+"""By the ending of a file's name."""
 
 
 # --- Vectors ----------------------------------------------------------------------------------------------------------

@@ -28,7 +28,7 @@
       this.runs = data.runs.map((run) => ({ ...run, d: unpack(run.d, Float32Array), own: Object.entries(run.aside).map(([name, text]) => [data.markers[name], unpack(text, Float32Array)]) }));
       this.torques = unpack(data.torques, Float32Array);
       this.forces = unpack(data.forces, Float32Array);
-      this.marked = [...new Set(Object.values(data.markers))];
+      this.marked = data.compared;
       this.carrier = new Map(data.carried);
       this.traces = new Map();
     }
@@ -107,7 +107,7 @@
       return this.traces.get(run);
     }
     error(deviations) {
-      let most = this.marked.length ? 0 : NaN;
+      let most = 0;
       for (const p of this.marked) most = Math.max(most, Math.hypot(deviations[2 * p], deviations[2 * p + 1]));
       return most;
     }
