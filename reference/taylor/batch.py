@@ -230,6 +230,8 @@ class _Lanes:
         self.integrator = integrator
         self.machines = machines
         self.structure = machines.structure
+        self.active, self.launch = self.structure.active, self.structure.launch
+        self.torques = torque_function(self.structure, np.float64) if machines.stops else None
         self.duration, self.tolerance = duration, tolerance
         self.failures: dict[int, str] = {}
         self.state, self.pars = integrator.state, integrator.pars
@@ -244,7 +246,8 @@ class _Lanes:
 
     def run(self) -> BatchLaunches:
         """Until every machine has launched, or not within the duration."""
-        outcomes, guard = heyoka().taylor_outcome, self.machines.guard
+        success, guard = heyoka().taylor_outcome.success, self.machines.guard
+        not_finite = heyoka().taylor_outcome.err_nf_state
         for i in np.flatnonzero(self.machines.alone).tolist():
             self._solve_alone(i)
         for lane in range(len(self.machine)):
@@ -255,14 +258,14 @@ class _Lanes:
             near = None if guard is None else guard.after_step(self.integrator, np.array(self.machine)).tolist()
             for lane, (outcome, _) in enumerate(self.integrator.step_res):
                 if self.machine[lane] < 0:
-                    if outcome == outcomes.err_nf_state:
+                    if outcome == not_finite:
                         self._load(lane)
                 elif near is not None and near[lane]:
                     self._solve_alone(self.machine[lane])
                     self._load(lane)
                 elif late[lane]:
                     self._load(lane)
-                elif outcome != outcomes.success:
+                elif outcome != success:
                     self._event(lane, int(outcome))
         n_q = self.structure.n_q
         releases = {name: np.full(len(self.time), np.nan) for name in self.machines.names}
@@ -294,15 +297,15 @@ class _Lanes:
         self.pars[:, lane] = self.machines.parameters[:, i]
         self._look_for_launch(lane)
         high, low = (part.copy() for part in self.integrator.dtime)
-        started = ~np.isfinite(high)  # a lane of which this step's failure is not seen yet
-        started[lane] = True
-        high[started] = low[started] = 0.0
+        high[lane] = low[lane] = 0.0
+        if not np.isfinite(high).all():  # another lane's failure in this step is not seen yet
+            high[~np.isfinite(high)] = low[~np.isfinite(high)] = 0.0
         self.integrator.set_dtime(high, low)
         self.integrator.reset_cooldowns(lane)
 
     def _look_for_launch(self, lane: int) -> None:
-        active = self.pars[self.structure.active, lane] > 0
-        self.pars[self.structure.launch, lane] = float(not np.any(active & self.machines.rests))
+        held = self.pars[self.active, lane] @ self.machines.rests
+        self.pars[self.launch, lane] = 0.0 if held else 1.0
 
     def _event(self, lane: int, outcome: int) -> None:
         stop = -outcome - 1
@@ -315,16 +318,16 @@ class _Lanes:
             self._load(lane)
 
     def _release(self, lane: int, stop: int) -> None:
-        active = self.structure.active
-        opened = np.zeros(len(self.machines.stops), dtype=bool)
+        active = self.pars[self.active, lane]
+        opened = np.zeros(len(active), dtype=bool)
         opened[stop] = True
-        while np.any(opened):  # stops that would have to pull now open at the same instant
+        while opened.any():  # stops that would have to pull now open at the same instant
             self.releases[self.machine[lane], opened] = self.integrator.time[lane]
-            self.pars[active, lane][opened] = 0.0
-            if not np.any(self.pars[active, lane]):
+            active[opened] = 0.0
+            if self.torques is None or not active.any():
                 break
-            pars = self.pars[: active.stop, lane].copy()
-            opened = torque_function(self.structure, np.float64)(self.state[:-1, lane].copy(), pars=pars) < 0
+            pars = self.pars[: self.active.stop, lane].copy()
+            opened = self.torques(self.state[:-1, lane].copy(), pars=pars) < 0
         self._look_for_launch(lane)
 
     def _is_launch(self, lane: int) -> bool:

@@ -131,7 +131,7 @@ def _four_bar(speed: float, start: float) -> Mechanism:
 def test_machines_pass_singular_positions_or_say_why_not() -> None:
     """From the top two singular positions come before the launch at 5 pi / 4; below, some swing into one and back."""
     pytest.importorskip("heyoka")
-    speeds = np.linspace(0.5, 3.0, 5).tolist()
+    speeds = (0.5, 1.6, 3.0)
     machines = [_four_bar(speed, start) for start in (-math.pi / 2, math.pi + 0.5) for speed in speeds]
     machines.append(_four_bar(2.0, 0.0))  # it starts in a singular position, and swings to the other one and back
     found = launch_batch(machines, duration=3.0)
@@ -145,7 +145,7 @@ def test_machines_pass_singular_positions_or_say_why_not() -> None:
             # Behind each passage the branch is known to 1e-9 of the largest arm.
             assert found.time[i] == pytest.approx(solution.launch.time, abs=1e-8)
             assert found.velocity[i] == pytest.approx(solution.launch.velocity, abs=1e-7)
-    assert found.launched[:5].all() and not any(i in found.failures for i in range(5))
+    assert found.launched[:3].all() and not any(i in found.failures for i in range(3))
 
 
 @pytest.mark.slow
