@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
+from typing import Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from ..arrays import FloatArray
 from ..joints import GROUND, SlotJoint
@@ -17,10 +18,11 @@ from . import pendulum_motion
 from .benchmark import Benchmark, Condition, Figure
 from .parts import pin, rod
 from .pendulum_motion import LOWEST, Swing
-from .readings import at, coordinate, energy_error, largest_error, passage, suite_condition
-from .single_freedom import time_between
+from .readings import at, coordinate, energy_error, largest_error, passage, period, suite_condition
+from .single_freedom import swing_period, time_between
 
 UPRIGHT = -math.pi / 2  # [rad] angle of a link that points up
+_UPRIGHT_SHARE = 0.01  # of the energy: nearer to its upright position the crank would stay there for long
 _SUITE = "M. Gonzalez et al., MBS benchmark library (Univ. of A Coruna, 2005)"
 
 
@@ -75,8 +77,11 @@ class ThreeCranksParameters(Spec):
 class SliderCrankParameters(Spec):
     """A uniform crank, a uniform rod, and a slider without size on a level line through the crank's pivot.
 
+    With too little speed to turn over the crank swings, up to 270 degrees to and fro.
+
     Raises:
-        InputError: a length, mass, speed or gravity is not positive and finite.
+        InputError: a length, mass, speed or gravity is not positive and finite, the rod is shorter than the crank, or
+            the speed is one at which the crank comes to rest upright.
     """
 
     crank: Positive = Field(default=1.0, description="length of the crank [m]")
@@ -113,9 +118,30 @@ class SliderCrankParameters(Spec):
         return -(self.m_crank + self.m_rod) * self.g * self.crank / 2 * math.sin(a)
 
     @property
+    def share(self) -> float:
+        """Of the energy that the crank needs to turn over: below 1 it swings."""
+        return self.inertia(0.0) * self.speed**2 / 2 / self.potential(UPRIGHT)
+
+    @property
     def turn_time(self) -> float:
         """Of the crank's first turn [s]; it does not turn back."""
         return time_between(0.0, 2 * math.pi, self.speed, self.inertia, self.potential)
+
+    @property
+    def swing_time(self) -> float:
+        """Period of a crank that does not turn over [s]: it swings evenly about its lowest position."""
+        return swing_period(LOWEST, math.pi / 2 + math.asin(self.share), self.potential(UPRIGHT), self.inertia)
+
+    @model_validator(mode="after")
+    def _moves_for_good(self) -> Self:
+        if self.rod < self.crank:
+            raise ValueError(f"rod = {self.rod:g} m is shorter than crank = {self.crank:g} m: the slider would stick")
+        if abs(self.share - 1.0) < _UPRIGHT_SHARE:
+            raise ValueError(
+                f"speed = {self.speed:g} rad/s brings the crank to rest upright, or nearly: it must differ by more "
+                f"than 0.5 % from {self.speed / math.sqrt(self.share):.6g} rad/s"
+            )
+        return self
 
 
 class SingularSliderCrankParameters(SliderCrankParameters):
@@ -222,16 +248,19 @@ def _slider_crank(name: str, p: SliderCrankParameters) -> Mechanism:
 
 def _slider_crank_figures(p: SliderCrankParameters) -> tuple[Figure, ...]:
     end = _slider_crank_duration(p)
-    turned = passage(coordinate("a"), 2 * math.pi, end)
     scale = p.inertia(0.0) * p.speed**2
+    if p.share > 1:
+        name, time, measured = "time of a turn", p.turn_time, passage(coordinate("a"), 2 * math.pi, end)
+    else:
+        name, time, measured = "period", p.swing_time, period(coordinate("a"), LOWEST, end)
     return (
-        Figure("time of a turn", p.turn_time, "s", 1e-10 * p.turn_time, turned, "quadrature"),
+        Figure(name, time, "s", 1e-10 * time, measured, "quadrature"),
         Figure("largest change of the energy", 0.0, "J", 1e-10 * scale, energy_error(end)),
     )
 
 
 def _slider_crank_duration(p: SliderCrankParameters) -> float:
-    return 1.5 * p.turn_time
+    return 1.5 * (p.turn_time if p.share > 1 else p.swing_time)
 
 
 def _trammel(p: TrammelParameters) -> Mechanism:

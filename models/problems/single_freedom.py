@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable
 from itertools import pairwise
 
+import numpy as np
 from scipy.integrate import quad
 
 
@@ -34,3 +35,25 @@ def time_between(
     knots = [start + (end - start) * k / pieces for k in range(pieces + 1)]
     parts = (quad(slowness, a, b, epsabs=0.0, epsrel=1e-13)[0] for a, b in pairwise(knots))
     return abs(math.fsum(parts))
+
+
+def swing_period(middle: float, amplitude: float, most: float, inertia: Callable[[float], float]) -> float:
+    """Period of a swing in the potential -most cos(a - middle) [s].
+
+    With a = middle + amplitude cos(c) and the difference of the cosines as a product, what vanishes at the turning
+    points cancels: the integrand over c is smooth.
+
+    Args:
+        middle: lowest position [rad].
+        amplitude: of the swing, below pi [rad].
+        most: amplitude of the potential energy [J].
+        inertia: reduced to the coordinate [kg m^2].
+    """
+
+    def slowness(c: float) -> float:
+        # (1 - cos(c)) / 2 and (1 + cos(c)) / 2 of the amplitude are left to the two turning points.
+        left = np.sinc(amplitude / math.pi * np.array([math.sin(c / 2) ** 2, math.cos(c / 2) ** 2]))
+        return math.sqrt(inertia(middle + amplitude * math.cos(c)) / (most * float(left.prod())))
+
+    knots = [math.pi * k / 16 for k in range(17)]
+    return 2 * math.fsum(quad(slowness, a, b, epsabs=0.0, epsrel=1e-13)[0] for a, b in pairwise(knots))

@@ -329,9 +329,12 @@ def solve_redundant(problem: Problem, tolerance: float = 3e-14) -> RedundantMoti
 
     Raises:
         UnsupportedProblemError: the law of the stops is not release-once.
-        SimulationError: the integrator's step size collapsed.
+        SimulationError: the integrator's step size collapsed, as it does at a singular position.
     """
     if problem.stop_law is not StopLaw.RELEASE_ONCE:
         raise UnsupportedProblemError("the redundant formulation follows the release-once law of a stop only.")
     system = RedundantSystem(problem.mechanism)
-    return RedundantMotion(system, integrate(system, problem.duration, tolerance))
+    try:
+        return RedundantMotion(system, integrate(system, problem.duration, tolerance))
+    except SimulationError as error:
+        raise SimulationError(f"in redundant coordinates, which pass no singular position, {error}") from None

@@ -25,6 +25,8 @@ OTHERS = [
     ("hanging-chain", {"N": 12, "length": 0.05, "amplitude": 2e-4}),
     ("n-four-bar", {"N": 2, "length": 0.7, "speed": 2.0}),
     ("slider-crank", {"crank": 0.05, "rod": 0.17, "m_slider": 0.4, "speed": 90.0}),
+    ("slider-crank", {"rod": 1.3, "speed": 1.0}),  # it does not turn over
+    ("singular-slider-crank", {"speed": 2.0}),
     ("trammel", {"length": 0.3, "amplitude": 3.0}),
     ("bouncing", {"restitution": 0.9}),
     ("bouncing", {"restitution": 1.0, "height": 30.0}),
@@ -162,3 +164,12 @@ def test_a_problem_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> No
     assert "N = 2.5" in capsys.readouterr().err
     assert main(["models", "show", "chain", "--beam", "14"]) == 2
     assert "have no l1 and l2" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("changes", "sentence"), [
+    ({"rod": 0.5}, r"rod = 0\.5 m is shorter than crank = 1 m"),
+    ({"speed": 5.42}, r"speed = 5\.42 rad/s brings the crank to rest upright.* than 0\.5 % from 5\.42494 rad/s"),
+])  # fmt: skip
+def test_a_slider_crank_that_would_stick_is_refused(changes: dict[str, float], sentence: str) -> None:
+    with pytest.raises(tb.InputError, match=sentence):
+        benchmark("singular-slider-crank").parameters(**changes)
