@@ -4,7 +4,7 @@
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
-SOURCES := $(shell git ls-files '*.py' 'models/mjcf' '*.json' '*.j2' 2>/dev/null) pyproject.toml
+SOURCES := $(shell git ls-files '*.py' 'models/mjcf' '*.json' '*.j2' '*.js' '*.css' 2>/dev/null) pyproject.toml
 OPEN   ?= $(shell command -v xdg-open || command -v open || echo true)
 
 .PHONY: report test quick lint types generated benchmark clean
@@ -33,9 +33,7 @@ lint: $(VENV)/installed
 types: $(VENV)/installed
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
-# Needs a Chromium for the picture.
 generated: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt kaleido
 	$(BIN)/python docs/generate.py
 
 benchmark: $(VENV)/installed

@@ -1,16 +1,11 @@
-"""Write what the repository holds generated: schemas, the README's table and picture (`make generated`).
-
-The picture needs Chromium; the rest does not.
-"""
+"""Write what the repository holds generated: schemas, the README's table and picture (`make generated`)."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
-import plotly.graph_objects as go
 import trebucheck as tb
-from plotly.subplots import make_subplots
 from trebucheck.comparisons.compare import plots as figures
 from trebucheck.comparisons.compare.agreement import differences
 from trebucheck.comparisons.compare.study import Comparison
@@ -22,7 +17,8 @@ from trebucheck.comparisons.problems.report import library
 from trebucheck.comparisons.recommend import Advice
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.document import Document, table
-from trebucheck.comparisons.report.plotly_plots import LOGARITHMIC
+from trebucheck.comparisons.report.figures import picture, write_picture
+from trebucheck.comparisons.report.plots import Axis, Panels, Plot
 from trebucheck.comparisons.runs.results import Results
 from trebucheck.comparisons.runs.runner import Worker, simulate
 from trebucheck.comparisons.runs.scales import scales_until
@@ -50,22 +46,17 @@ def agreement_table(comparison: Comparison) -> str:
     return markdown.text(Document("", tuple(tables)))
 
 
-def distance_picture(comparison: Comparison) -> go.Figure:
+def distance_plots(comparison: Comparison) -> Panels:
     """Distance of the projectile from the reference over time, both machines."""
-    models = [machine.model for machine in comparison.results.machines]
-    figure = make_subplots(rows=1, cols=len(models), subplot_titles=models, shared_yaxes=True)
-    for column, machine in enumerate(comparison.results.machines, start=1):
+    drawn: list[Plot] = []
+    for machine in comparison.results.machines:
         own = {label: t for (name, label), t in comparison.trajectories.items() if name == machine.model}
-        solution = comparison.solutions[machine.model]
-        for run in figures.lines(solution, own, machine.compared_to):
-            if not run.label.startswith("reference"):
-                t, values = run.difference(figures.position("projectile"))
-                figure.add_scatter(x=t, y=values, row=1, col=column, showlegend=column == 1, **run.style)
-    figure.update_yaxes(range=[-12, 0], **LOGARITHMIC)
-    figure.update_yaxes(title="distance from the reference [m]", col=1)
-    figure.update_xaxes(title="t [s]")
-    figure.update_layout(template="plotly_white", legend={"orientation": "h", "y": -0.2}, margin={"t": 40, "r": 20})
-    return figure
+        runs = figures.lines(comparison.solutions[machine.model], own, machine.compared_to)
+        position = figures.position("projectile")
+        series = tuple(run.difference(position) for run in runs if not run.label.startswith("reference"))
+        axis = Axis("distance from the reference", "m", logarithmic=True)
+        drawn.append(Plot(Axis("t", "s"), axis, series, machine.model))
+    return tuple(drawn)
 
 
 def write_schemas() -> None:
@@ -158,7 +149,7 @@ def main() -> None:
     readme.write_text(text)
     pictures = ROOT / "docs" / "pictures"
     pictures.mkdir(exist_ok=True)
-    distance_picture(comparison).write_image(pictures / "distance.svg", width=1000, height=430)
+    write_picture(picture(distance_plots(comparison)), pictures / "distance.svg")
 
 
 if __name__ == "__main__":

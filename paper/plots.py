@@ -5,20 +5,19 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Literal
 
-import plotly.graph_objects as go
-from plotly.subplots import make_subplots
+import numpy as np
 
-from ..comparisons.report.plotly_plots import finish
-from ..comparisons.report.plots import engine_colour
+from ..comparisons.report.plots import Axis, Panels, Plot, Rule, Series, Style, Symbol, engine_colour
 from .design.efficiency import MachineEfficiency, Machines, SlingThrow
 from .drag.study import DragStudy
-from .evidence.claims import Series
+from .evidence.claims import Series as PaperSeries
 
-_WORLDS = {"moon": "#777777", "mars": "#c0392b", "earth": "#1f77b4", "venus": "#d9a30d"}
-_PRINTED, _GRID, _OTHER = "#c0392b", "#9467bd", "#b08d57"
-_SYMBOLS = ("circle-open", "square-open", "diamond-open", "triangle-up-open", "star-open")
+_WORLDS = {"moon": "#7b8794", "mars": "#D55E00", "earth": "#0072B2", "venus": "#E69F00"}
+_PRINTED, _GRID, _OTHER = "#c0392b", "#8C6BB1", "#b08d57"
+_BARS = ("#0072B2", "#E69F00", "#009E73")
+_SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "diamond", "triangle", "star")
 _MACHINES = {"a": "fixed", "b": "rolling"}
 
 _CAPTIONS = {
@@ -33,93 +32,76 @@ _CAPTIONS = {
 }
 
 
-def plots(series: Sequence[Series]) -> list[tuple[str, str, go.Figure]]:
+def plots(series: Sequence[PaperSeries]) -> list[tuple[str, str, Panels]]:
     """Name, caption and plot of each figure of the paper that there are series of, in the paper's order."""
     names = sorted({_figure(each) for each in series})
     return [
-        (name, _CAPTIONS.get(name, ""), _plot([each for each in series if _figure(each) == name])) for name in names
+        (name, _CAPTIONS.get(name, ""), _panels([each for each in series if _figure(each) == name])) for name in names
     ]
 
 
-def _figure(series: Series) -> str:
+def _figure(series: PaperSeries) -> str:
     """'Fig. 6' of 'Fig. 6a'."""
     return re.sub(r"[a-z]$", "", series.figure)
 
 
-def _plot(series: Sequence[Series]) -> go.Figure:
-    panels = sorted({each.figure for each in series})
-    titles = [f"({panel[-1]}) {_MACHINES.get(panel[-1], '')}" for panel in panels] if len(panels) > 1 else None
-    figure = make_subplots(rows=1, cols=len(panels), subplot_titles=titles, shared_yaxes=len(panels) > 1)
-    in_legend: set[str] = set()
-    for each in series:
-        column = panels.index(each.figure) + 1
-        figure.add_scatter(
-            x=each.x,
-            y=each.y,
-            name=each.name,
-            legendgroup=each.name,
-            showlegend=each.name not in in_legend,
-            row=1,
-            col=column,
-            **_style(each),
-        )
-        in_legend.add(each.name)
-        figure.update_xaxes(title=each.x_label, row=1, col=column)
-    figure.update_yaxes(title=series[0].y_label, col=1)
-    if (series[0].x_label, series[0].y_label) == ("x [m]", "y [m]"):  # paths: a metre is a metre
-        for column in range(1, len(panels) + 1):
-            axis = "" if column == 1 else str(column)
-            figure.update_yaxes(scaleanchor=f"x{axis}", constrain="domain", row=1, col=column)
-        figure.update_xaxes(matches="x", constrain="domain")
-        return finish(figure, 760, -0.1)
-    return finish(figure, 460, -0.2)
+def _panels(series: Sequence[PaperSeries]) -> Panels:
+    names = sorted({each.figure for each in series})
+    return tuple(_plot([each for each in series if each.figure == name], name, len(names) > 1) for name in names)
 
 
-def _style(series: Series) -> dict[str, Any]:
+def _plot(series: Sequence[PaperSeries], name: str, titled: bool) -> Plot:
+    first = series[0]
+    paths = (first.x_label, first.y_label) == ("x [m]", "y [m]")  # a metre is a metre
+    drawn = tuple(Series(each.name, np.array(each.x), np.array(each.y), *_style(each)) for each in series)
+    title = f"({name[-1]}) {_MACHINES.get(name[-1], '')}" if titled else ""
+    return Plot(_axis(first.x_label), _axis(first.y_label), drawn, title, equal=paths, height=400)
+
+
+def _axis(label: str) -> Axis:
+    title, _, unit = label.partition(" [")
+    return Axis(title, unit.removesuffix("]"))
+
+
+def _style(series: PaperSeries) -> tuple[Style, Literal["line", "points"]]:
     if series.kind == "printed":
         line = len(set(series.x)) == 1 and len(series.x) > 1
-        mark = {"color": _PRINTED, "symbol": "x", "size": 11, "line": {"width": 2}}
-        return (
-            {"mode": "lines", "line": {"color": _PRINTED, "dash": "dash"}}
-            if line
-            else {"mode": "markers", "marker": mark}
-        )
+        return Style(_PRINTED, dashed=line, symbol="times"), "line" if line else "points"
     if series.kind == "points":
         colour = engine_colour(series.engine) if series.engine else _GRID
         number = sum(map(ord, series.name)) % len(_SYMBOLS)
-        return {"mode": "markers", "marker": {"color": colour, "symbol": _SYMBOLS[number], "size": 9}}
+        return Style(colour, dashed=True, symbol=_SYMBOLS[number]), "points"
     if series.name == "reference" or series.name.startswith("rests that can"):
-        return {"mode": "lines", "line": {"color": engine_colour("reference"), "width": 2.5}}
-    return {"mode": "lines", "line": {"color": _OTHER, "width": 1.5, "dash": "dot"}}
+        return Style(engine_colour("reference"), width=2.5), "line"
+    return Style(_OTHER, dashed=True, width=1.5), "line"
 
 
-def best_angles(study: DragStudy) -> go.Figure:
+def best_angles(study: DragStudy) -> Panels:
     """Best angle of release against drag area, world by world, and the printed angles."""
-    figure = go.Figure()
-    for curve in study.readings[0].curves:
-        line = {"color": _WORLDS.get(curve.world), "width": 2}
-        figure.add_scatter(x=curve.drag_areas, y=[math.degrees(a) for a in curve.angles], name=curve.world, line=line)
-    for each in study.printed:
-        line = {"color": _WORLDS.get(each.world), "width": 1, "dash": "dash"}
-        figure.add_hline(
-            y=math.degrees(each.value), line=line, annotation_text=f"{each.world}: {each.printed}° in print"
-        )
+    series = tuple(
+        Series(curve.world, np.array(curve.drag_areas), np.degrees(curve.angles), Style(_WORLDS[curve.world], width=2))
+        for curve in study.readings[0].curves
+    )
+    rules = tuple(
+        Rule(math.degrees(each.value), f"{each.world}: {each.printed}° in print", _WORLDS[each.world], "y")
+        for each in study.printed
+    )
     # Logarithmic: what Venus feels at 0.1 m² takes Mars some hundred. Without drag nothing changes with the area.
-    figure.update_xaxes(title="C_d A [m²]", type="log", range=[-3, 1], exponentformat="power")
-    figure.update_yaxes(title="best angle of release [deg]")
-    return finish(figure, 420)
+    area = Axis("drag area", "m²", logarithmic=True)
+    return (Plot(area, Axis("best angle of release", "deg"), series, rules=rules, height=400),)
 
 
-def efficiencies(machines: Machines) -> go.Figure:
+def efficiencies(machines: Machines) -> Panels:
     """Efficiency of every machine, with three slings."""
     bars: dict[str, Callable[[MachineEfficiency], SlingThrow | None]] = {
         "the paper's sling": lambda machine: machine.table_one,
         "its fastest sling": lambda machine: machine.fastest_sling or machine.table_one,
         "most efficient within bounds": lambda machine: machine.most_efficient,
     }
-    figure, names = go.Figure(), [machine.name for machine in machines.machines]
-    for name, of in bars.items():
+    names = tuple(machine.name for machine in machines.machines)
+    series: list[Series] = []
+    for (name, of), colour in zip(bars.items(), _BARS, strict=True):
         throws = [of(machine) for machine in machines.machines]
-        figure.add_bar(x=names, y=[None if throw is None else throw.efficiency for throw in throws], name=name)
-    figure.update_yaxes(title="efficiency", range=[0, 1], tickformat=".0%")
-    return finish(figure, 420)
+        heights = np.array([np.nan if throw is None else 100 * throw.efficiency for throw in throws])
+        series.append(Series(name, np.arange(len(names), dtype=float), heights, Style(colour), "bar"))
+    return (Plot(Axis("", categories=names), Axis("efficiency", "%"), tuple(series), height=380),)

@@ -84,13 +84,15 @@ def _chapter(machine: MachineStudies) -> Iterator[Block]:
     if steps:
         yield Heading("Order in the time step")
         yield _orders(machine, steps)
-        yield doc.Figure(partial(plots.convergence, steps))
+        drawn, anchor = partial(plots.convergence, steps), f"{machine.model}-order"
+        yield doc.Figure(drawn, "Error against the time step", anchor=anchor)
         yield doc.Fold("How each floor's cause was found", (_floors(steps),))
     if machine.pairs:
         yield from _limits(machine)
     if steps:
-        yield Heading("Work and precision")
-        yield doc.Figure(partial(plots.work_precision, steps), caption=_WORK)
+        yield doc.Figure(
+            partial(plots.work_precision, steps), "Error against wall time", _WORK, f"{machine.model}-work-precision"
+        )
     if others:
         yield Heading("Other swept parameters")
         yield Note(_OTHERS)

@@ -7,22 +7,20 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
 
-import plotly.graph_objects as go
-from plotly.subplots import make_subplots
+import numpy as np
 
 from ..report import document as doc
 from ..report.document import Block, Cell, Column, Document, Heading, Medium, Note, Row, Table, Text, row, table
 from ..report.numbers import format_number, format_percent
-from ..report.plotly_plots import finish
+from ..report.plots import Axis, Label, Panels, Plot, Series, Style
 from ..report.sections import compared_time, provenance
 from .results import Budget, Explanation, Figures, Machine, Measurement, Quantity, Share, StockAgainstTuned
 
 _FEW = 1e-3  # shares below this are left out in the terminal; the page's tables have them all
 _FIELDS = ("position", "torque", "release", "wall_time")
 """Values of a setting, in the order of their columns."""
-_COLOUR, _UNEXPLAINED, _BAND = "#3d7ab5", "#b3261e", "#5d6b7a"
-_ROW, _FRAME = 26, 110  # [pixels] of height
-_ROOM = 1.75  # of the bars' extent: room for the texts
+_COLOUR = Style("#3d7ab5")
+_ROW, _FRAME = 26, 60  # [pixels] of height
 
 _INTRODUCTION = (
     "Each engine's distance from the reference, split among its causes. Nothing is assigned by guess: a cause's share "
@@ -153,7 +151,7 @@ def _budget(budget: Budget) -> Iterator[Block]:
     )
     yield Note(f"{'; '.join(sentences)}." if quantities else "No error to explain.")
     if quantities:
-        yield doc.Figure(bars(quantities))
+        yield doc.Figure(bars(quantities), columns=2)
     for cause in budget.causes:
         if cause.message:
             text = f"{cause.name} could not be measured and counts as unexplained: {cause.message}"
@@ -168,44 +166,31 @@ def _at(step: float | None) -> str:
     return f", step {step:g} s" if step else ""
 
 
-def bars(quantities: Sequence[Quantity]) -> go.Figure:
+def bars(quantities: Sequence[Quantity]) -> Panels:
     """Signed share of each cause in the position's and the torques' errors, causes downwards, unexplained last.
 
     Shares add up to 100 %; whiskers are half the difference of a share's two measures.
     """
-    titles = [f"{q.name}: rms {format_number(q.rms)} {q.unit}" for q in quantities]
-    chart = make_subplots(rows=1, cols=len(quantities), subplot_titles=titles, shared_yaxes=True)
-    for column, quantity in enumerate(quantities, start=1):
-        _draw(chart, quantity, column)
-    chart.update_yaxes(autorange="reversed", showgrid=False)
-    height = _FRAME + _ROW * max(len(q.shares) + 1 for q in quantities)
-    finish(chart, height).update_layout(showlegend=False, bargap=0.25, margin={"l": 150})
-    return chart
+    return tuple(map(_bars, quantities))
 
 
-def _draw(chart: go.Figure, quantity: Quantity, column: int) -> None:
+def _bars(quantity: Quantity) -> Plot:
     shares = [*quantity.shares, quantity.rest]
-    causes = [share.cause for share in shares]
-    values = [100.0 * (share.fraction or 0.0) for share in shares]
+    values = np.array([100.0 * (share.fraction or 0.0) for share in shares])
     # Whiskers narrower than a bar's edge say nothing.
     bands = [band if band >= 1.0 else 0.0 for band in (100.0 * share.interaction / quantity.rms for share in shares)]
-    colours = [_UNEXPLAINED if share is quantity.rest else _COLOUR for share in shares]
-    whiskers = {"array": bands, "color": _BAND, "thickness": 1.2}
-    chart.add_bar(
-        x=values, y=causes, orientation="h", marker={"color": colours}, error_x=whiskers,
-        hovertemplate="%{y}: %{x:.3g} %<extra></extra>", row=1, col=column,
-    )  # fmt: skip
+    rows = np.arange(len(shares), dtype=float)
+    spread = values - bands, values + bands
     # Texts stand to the right of bar and whisker, also of a negative one: to its left are the causes' names.
-    ends = [max(0.0, value) + band for value, band in zip(values, bands, strict=True)]
-    texts = [_text(share, quantity) for share in shares]
-    chart.add_scatter(
-        x=ends, y=causes, mode="text", text=texts, textposition="middle right", hoverinfo="skip", cliponaxis=False,
-        textfont={"size": 11}, row=1, col=column,
-    )  # fmt: skip
-    low = min(0.0, *(value - band for value, band in zip(values, bands, strict=True)))
-    high = max(100.0, *ends)
-    chart.update_xaxes(
-        title="share of the error [%]", range=[1.05 * low, low + _ROOM * (high - low)], row=1, col=column
+    ends = np.maximum(values, 0.0) + bands
+    texts = (Label(end, n, _text(s, quantity), beside=True) for n, end, s in zip(rows, ends, shares, strict=True))
+    return Plot(
+        Axis("share of the error", "%"),
+        Axis("", categories=tuple(share.cause for share in shares)),
+        (Series("share", values, rows, _COLOUR, "bar", spread=spread),),
+        f"{quantity.name}: rms {format_number(quantity.rms)} {quantity.unit}",
+        tuple(texts),
+        height=_FRAME + _ROW * len(shares),
     )
 
 

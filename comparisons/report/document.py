@@ -17,8 +17,6 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 from .numbers import format_value
 
 if TYPE_CHECKING:
-    import plotly.graph_objects as go
-
     from ...models.drawing.scene import Scene
     from .plots import Panels
 
@@ -250,7 +248,7 @@ def row(*values: object, anchor: str = "", medium: Medium = "any") -> Row:
 class Figure(Placed):
     """Plots with their title and the sentence that says how to read them."""
 
-    plot: go.Figure | Panels | Callable[[], go.Figure | Panels]
+    plot: Panels | Callable[[], Panels]
     """Or what draws it, for a page only."""
     title: str = ""
     caption: str = ""

@@ -11,15 +11,13 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
-from plotly.offline import get_plotlyjs
 
 from ...models.arrays import FloatArray
 from ...models.drawing import animation
 from .document import Animation, Document, Figure, Heading, in_medium
-from .plots import Axis, Panels, Plot, Series
+from .plots import Axis, Plot, Series
 
 SIGNS = {"good": "✓", "bad": "✗", "warning": "!", "unjudged": "○"}
 """Before what is marked so, for those who do not see the colour."""
@@ -40,8 +38,6 @@ def page(document: Document) -> str:
         drawn=state.drawn,
         arrays=lambda: Markup(_json(state.arrays)),
         has_plots=lambda: state.has_plots,
-        plotly=lambda: Markup(get_plotlyjs()),
-        uses_plotly=lambda: state.uses_plotly,
     )
 
 
@@ -89,7 +85,6 @@ class _Page:
     arrays: list[str] = field(default_factory=list[str])
     taken: set[str] = field(default_factory=set[str])
     has_plots: bool = False
-    uses_plotly: bool = False
     _index: dict[str, int] = field(default_factory=dict[str, int])
 
     def anchor(self, heading: Heading) -> str:
@@ -103,11 +98,9 @@ class _Page:
             self.outline[-1].parts.append(Entry(heading.text, anchor))
         return anchor
 
-    def drawn(self, block: Figure) -> Drawn | Markup:
+    def drawn(self, block: Figure) -> Drawn:
         """A figure's plots, their arrays put among those of the page."""
-        panels = _panels(block)
-        if not isinstance(panels, tuple):
-            return self._embedded(panels)
+        panels = block.plot() if callable(block.plot) else block.plot
         self.has_plots = True
         listed = {series.name: series for plot in panels for series in plot.series if series.listed}
         legend = [Key(series.name, _swatch(series)) for series in listed.values()] if len(listed) > 1 else []
@@ -139,22 +132,12 @@ class _Page:
             self.arrays.append(text)
         return self._index[text]
 
-    def _embedded(self, plot: go.Figure) -> Markup:
-        """A figure as HTML that needs plotly.js on its page."""
-        self.uses_plotly = True
-        options: dict[str, Any] = {"displaylogo": False, "responsive": True}
-        return Markup(plot.to_html(full_html=False, include_plotlyjs=False, config=options))
-
 
 _PARTS = ("labels", "rules", "bands")
 
 
 def _axis(axis: Axis) -> dict[str, Any]:
     return vars(axis)
-
-
-def _panels(block: Figure) -> go.Figure | Panels:
-    return block.plot() if callable(block.plot) else block.plot
 
 
 def _alt(block: Figure, plot: Plot) -> str:
@@ -185,6 +168,8 @@ _SYMBOLS = {
     "square": "M11 2h8v8h-8z",
     "diamond": "M15 1l5 5-5 5-5-5z",
     "triangle": "M15 1.500l5 8.500h-10z",
+    "star": "M15 1l1.500 3.500 4 .3-3 2.600 1 4-3.500-2.200-3.500 2.200 1-4-3-2.600 4-.3z",
+    "times": "M11 2l8 8m0-8l-8 8",
 }
 
 

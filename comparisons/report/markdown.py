@@ -5,7 +5,22 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from .document import Block, Cell, Code, Document, Figure, Fold, Grid, Heading, Listing, Table, Text, Tiles, in_medium
+from .document import (
+    Animation,
+    Block,
+    Cell,
+    Code,
+    Document,
+    Figure,
+    Fold,
+    Grid,
+    Heading,
+    Listing,
+    Table,
+    Text,
+    Tiles,
+    in_medium,
+)
 from .html import SIGNS
 
 
@@ -39,6 +54,8 @@ def _part(block: Block, signs: bool) -> str:
             part = f"{block.title}\n\n```\n{block.text.rstrip()}\n```"
         case Figure():
             part = f"**{block.title}** {block.caption}".rstrip()
+        case Animation():
+            part = ""
         case Grid():
             part = "\n\n".join(_parts(block.blocks, signs))
         case Fold():

@@ -21,6 +21,9 @@ def engine_colour(name: str) -> str:
     return engine_study(name).colour or _COLOURS[sum(map(ord, name)) % len(_COLOURS)]
 
 
+Symbol = Literal["circle", "square", "diamond", "triangle", "star", "times"]
+
+
 @dataclass(frozen=True)
 class Style:
     """How a series is drawn."""
@@ -29,7 +32,7 @@ class Style:
     dashed: bool = False
     width: float = 1.6
     """Of a line [px]."""
-    symbol: Literal["circle", "square", "diamond", "triangle"] = "circle"
+    symbol: Symbol = "circle"
 
 
 REFERENCE = Style(INK, width=4.0)
@@ -63,10 +66,11 @@ class Series:
     y: FloatArray
     style: Style = Style()
     mark: Literal["line", "points", "both", "bar"] = "line"
+    """Bars stand on the categories of one axis, and begin at zero of the other."""
     hints: tuple[str, ...] = ()
     """What is said of each point where it is pointed at, besides its numbers."""
     spread: tuple[FloatArray, FloatArray] | None = None
-    """Least and largest x of each point."""
+    """Least and largest x of each point; of a bar along x, too."""
     listed: bool = True
     """In the legend."""
 
@@ -79,6 +83,8 @@ class Label:
     y: float
     text: str
     colour: str = INK
+    beside: bool = False
+    """To the right of the point, not above it."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +93,8 @@ class Rule:
 
     at: float
     text: str = ""
+    colour: str = ""
+    """Empty: that of grids."""
     across: Literal["x", "y"] = "x"
 
 

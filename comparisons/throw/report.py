@@ -12,18 +12,28 @@ from ...models.mechanism import Mechanism
 from ...reference.throw.members import MemberForce, SupportForce
 from ...reference.throw.throw import FlightFigures, LaunchFigures, Performance, Sensitivity, Throw, origin, spoken
 from ...version import __version__
-from ..report.document import Cell, Column, Document, Figure, Note, Row, Text, row, table
+from ..report.document import (
+    Animation,
+    Block,
+    Cell,
+    Column,
+    Document,
+    Figure,
+    Note,
+    Row,
+    Text,
+    Tile,
+    Tiles,
+    row,
+    table,
+)
 from ..report.numbers import sentence
 from ..report.sections import mechanism_as_data
 from . import plots
 
 _Row = tuple[str, str]
 
-_MACHINE = "At equal intervals of time up to the release, the later the darker."
-_FORCES = (
-    "Up to the release; shaded where a member is in compression or wheels would lift off, dotted lines where a stop is "
-    "released."
-)
+_FORCES = "Up to the release; shaded where a member is in compression (a rope would be slack) or wheels would lift off."
 
 
 def document(performance: Performance, throw: Throw) -> Document:
@@ -34,18 +44,33 @@ def document(performance: Performance, throw: Throw) -> Document:
         "stands at the start; SI units."
     )
     blocks = (
+        *_first_screen(performance, throw),
         Note(measured),
         *(Text(sentence(warning), "warning", medium="page") for warning in throw.warnings),
         table("|", _rows(throw), title),
-        Figure(plots.machine_figure(performance), "The machine", _MACHINE),
-        Figure(plots.flight_figure(performance), "The flight"),
-        Figure(plots.force_figure(performance), "Forces", _FORCES),
+        Figure(plots.forces(performance), "Forces", _FORCES, "forces", columns=2),
         table(_SENSITIVITIES, throw.sensitivities, _DERIVATIVES),
         Note(f"trebucheck {__version__}."),
         mechanism_as_data(throw.mechanism.name, throw.mechanism),
         *(Text(f"{warning}.", "warning", lead="warning:", medium="terminal") for warning in throw.warnings),
     )
     return Document(title[:1].upper() + title[1:], blocks, f"trebucheck throw: {throw.mechanism.name}")
+
+
+def _first_screen(performance: Performance, throw: Throw) -> tuple[Block, ...]:
+    """How far it throws, the machine in motion, and the flight."""
+    launch, flight, longest = throw.launch, throw.flight, throw.best_flight
+    figures = (
+        Tile(f"{flight.range:.2f} m", "range", detail=f"{flight.time:.2f} s of flight"),
+        Tile(f"{launch.speed:.3f} m/s", "launch speed", detail=f"at {math.degrees(launch.angle):.2f} deg"),
+        Tile(f"{launch.time:.5f} s", "release"),
+        *([Tile(f"{longest.range:.2f} m", "longest range")] if longest and longest.range > flight.range else []),
+    )
+    return (
+        Tiles(figures),
+        Animation(lambda: (plots.motion(performance),)),
+        Figure(plots.flight(performance), "The flight", anchor="flight"),
+    )
 
 
 def _title(throw: Throw) -> str:

@@ -28,7 +28,7 @@ from ..study import EngineStudy, Tolerance
 # independent ones in tests/verification.
 _STUDY = EngineStudy(
     tolerances=(Tolerance("tuned", "energy_balance", 2e-7, 1.0, 0, "1e-12 of the energy at the start"),),
-    colour="#444444",
+    colour="#7b8794",
 )
 
 _Tolerance = Annotated[Real, Field(ge=2.5e-14, le=1e-2)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from io import StringIO
 
-import plotly.graph_objects as go
+import numpy as np
 import pytest
 from rich.console import Console
 from trebucheck.comparisons.report import html, markdown, terminal
@@ -48,6 +48,7 @@ ERRORS = table(
     [("mujoco tuned", Cell("1.3e-8", "good"), 1000, "as ever"), ("pymunk tuned", Cell("2.5e-4", "bad"), 1000, "")],
     "Errors",
 )
+from trebucheck.comparisons.report.plots import Axis, Panels, Plot, Series
 
 
 def test_marks_are_signs_on_a_page_and_not_only_colours() -> None:
@@ -128,11 +129,11 @@ def test_a_table_without_rows_is_not_shown() -> None:
 def test_figures_are_drawn_for_pages_alone() -> None:
     drawn: list[str] = []
 
-    def plot() -> go.Figure:
+    def plots() -> Panels:
         drawn.append("once")
-        return go.Figure()
+        return (Plot(Axis("t", "s"), Axis("x", "m"), (Series("body", np.array([0.0, 1.0]), np.array([0.0, np.nan])),)),)
 
-    figure = Figure(plot, "Motion", "of all bodies")
+    figure = Figure(plots, "Motion", "of all bodies")
     assert "Motion" not in _terminal(figure) and not drawn
     assert "Motion" in _page(figure) and drawn == ["once"]
 

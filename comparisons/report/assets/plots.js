@@ -3,8 +3,7 @@
 (() => {
   const arrays = JSON.parse(document.getElementById("arrays").textContent).map(decode);
   const groups = new Map(); // zoomed interval of x, and series left out, by group of plots
-  const SYMBOLS = {circle: "circle", square: "square", diamond: "diamond", triangle: "triangle"};
-  const LEFT = 64, SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
+    const LEFT = 64, NAMES = 150, SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 
   function decode(text) {
     const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
@@ -47,11 +46,11 @@
     return [back(low - margin), back(high + margin)];
   }
 
-  function scale(axis, domain) {
+  function scale(axis, domain, vertical = false) {
     const label = (axis.unit && axis.unit !== "1" ? `${axis.title} [${axis.unit}]` : axis.title).trim();
     const options = {label: label || null, labelArrow: "none", labelAnchor: "center", domain};
     if (axis.categories.length) {
-      return {...options, domain: [-0.6, axis.categories.length - 0.4],
+      return {...options, domain: [-0.6, axis.categories.length - 0.4], reverse: vertical,
         ticks: axis.categories.map((_, i) => i), tickFormat: (i) => axis.categories[i]};
     }
     return axis.logarithmic ? {...options, type: "log", ...ticks(domain)} : {...options, ticks: 5, tickFormat: undefined};
@@ -72,8 +71,9 @@
 
   function bars(plot, series) {
     const all = series.filter((s) => s.mark === "bar"), width = 0.8 / Math.max(1, all.length);
-    return all.map((s, k) => Plot.rectY(s.points.filter((p) => p.y !== null), {
-      x1: (p) => p.x - 0.4 + k * width, x2: (p) => p.x - 0.4 + (k + 1) * width, y: "y",
+    const [across, along] = plot.y.categories.length ? ["y", "x"] : ["x", "y"];
+    return all.map((s, k) => Plot[along === "y" ? "rectY" : "rectX"](s.points.filter((p) => p.y !== null), {
+      [`${across}1`]: (p) => p[across] - 0.4 + k * width, [`${across}2`]: (p) => p[across] - 0.4 + (k + 1) * width, [along]: along,
       fill: s.style.colour, fillOpacity: s.style.dashed ? 0.45 : 0.9, stroke: s.style.colour, inset: 0.5,
     }));
   }
@@ -84,19 +84,20 @@
     marks.push(Plot.gridX({ticks: 6, strokeOpacity: 0.12}), Plot.gridY({ticks: 6, strokeOpacity: 0.12}), ...bars(plot, series));
     for (const [k, r] of plot.rules.entries()) {
       const rule = r.across === "x" ? Plot.ruleX : Plot.ruleY;
-      marks.push(rule([r.at], {stroke: "var(--soft)", strokeDasharray: "2 3", clip: true}));
+      marks.push(rule([r.at], {stroke: r.colour || "var(--soft)", strokeDasharray: "2 3", clip: true}));
       if (r.text) marks.push(Plot.text([r.at], {[r.across]: (d) => d, text: () => r.text, fill: "var(--soft)", dx: 4, dy: r.across === "y" ? -6 : 3 + 13 * k,
         frameAnchor: r.across === "x" ? "top" : "left", textAnchor: "start", lineAnchor: r.across === "x" ? "top" : "bottom", clip: true}));
     }
     for (const s of series) {
       const style = {x: "x", y: "y", stroke: s.style.colour, clip: true};
-      if (s.low) marks.push(Plot.ruleY(s.points.filter((p) => p.y !== null), {y: "y", x1: "low", x2: "high", stroke: s.style.colour, clip: true}));
+      if (s.low && s.mark === "bar") marks.push(Plot.ruleY(s.points, {y: "y", x1: "low", x2: "high", stroke: "currentColor"}));
+      else if (s.low) marks.push(Plot.ruleY(s.points.filter((p) => p.y !== null), {y: "y", x1: "low", x2: "high", stroke: s.style.colour, clip: true}));
       if (s.mark === "line" || s.mark === "both") marks.push(Plot.line(s.points, {...style, strokeWidth: s.style.width,
         strokeOpacity: s.style.colour === "currentColor" ? 0.35 : 1, strokeDasharray: s.style.dashed ? "4 3" : null}));
-      if (s.mark === "points" || s.mark === "both") marks.push(Plot.dot(s.points, {...style, r: 4, symbol: SYMBOLS[s.style.symbol],
+      if (s.mark === "points" || s.mark === "both") marks.push(Plot.dot(s.points, {...style, r: 4, symbol: s.style.symbol,
         fill: s.style.dashed ? "var(--page)" : s.style.colour}));
     }
-    for (const l of plot.labels) marks.push(Plot.text([l], {x: "x", y: "y", text: "text", fill: l.colour, dy: -9, clip: true}));
+    for (const l of plot.labels) marks.push(Plot.text([l], {x: "x", y: "y", text: "text", fill: l.colour, ...(l.beside ? {dx: 6, textAnchor: "start"} : {dy: -9, clip: true})}));
     const flat = series.flatMap((s) => s.points.filter((p) => p.y !== null));
     marks.push(Plot.tip(flat, Plot.pointer({x: "x", y: "y", title: (p) => hint(p, plot), maxRadius: 60})));
     return marks;
@@ -105,16 +106,19 @@
   function draw(figure, plot, box) {
     const state = groups.get(figure.dataset.group), interval = plot.x.categories.length ? null : state.interval;
     const series = plot.series.filter((s) => !state.hidden.has(s.name));
+    const lines = series.every((s) => s.mark === "line");
     const inside = (p) => p.y !== null && (!interval || (p.x >= interval[0] && p.x <= interval[1]));
     const of = (key) => series.flatMap((s) => s.points.filter(inside).map((p) => p[key]));
     const across = series.flatMap((s) => s.points.filter((p) => p.x !== null && (lines || p.y !== null)).map((p) => p.x));
+    const spread = series.flatMap((s) => [...(s.low ?? []), ...(s.high ?? [])]);
+    const room = plot.labels.some((l) => l.beside) ? 1.7 * Math.max(...across, ...spread) : 0; // for the texts
+    const left = plot.y.categories.length ? NAMES : LEFT;
     const width = Math.max(220, box.clientWidth), barred = series.some((s) => s.mark === "bar");
-    const lines = series.every((s) => s.mark === "line");
     const drawn = Plot.plot({
       width, height: plot.equal ? undefined : plot.height, aspectRatio: plot.equal ? 1 : undefined,
-      marginLeft: LEFT, marginBottom: 44, marginTop: 14, marginRight: 14, style: {background: "none", overflow: "visible"},
-      x: scale(plot.x, interval ?? domainOf(plot.x, across, lines ? 0 : 0.06)),
-      y: scale(plot.y, domainOf(plot.y, [...of("y"), ...(barred ? [0] : [])], barred ? 0.02 : 0.06)), marks: marksOf(plot, series),
+      marginLeft: left, marginBottom: 44, marginTop: 14, marginRight: 14, style: {background: "none", overflow: "visible"},
+      x: scale(plot.x, interval ?? domainOf(plot.x, [...across, ...(plot.y.categories.length ? [0, ...spread, room] : [])], lines ? 0 : 0.06)),
+      y: scale(plot.y, domainOf(plot.y, [...of("y"), ...(barred ? [0] : [])], barred ? 0.02 : 0.06), true), marks: marksOf(plot, series),
     });
     drawn.removeAttribute("aria-label");
     box.replaceChildren(drawn);
