@@ -7,19 +7,17 @@ unknown is no movement. A movement beyond that counts from a factor on.
 
 from __future__ import annotations
 
-import json
 import math
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from ...models.errors import InputError
-from ...models.files import read_bytes
+from ..compare.stored import read_results
 from ..compare.study import Comparison
 from ..runs.quantities import QUANTITIES
-from ..runs.results import COMPARED, FORMAT, Machine, Metric, Outcome, Results, Run
+from ..runs.results import COMPARED, Machine, Metric, Outcome, Results, Run
 from .changes import Difference, QuantityChange, ReferenceChange, RunChange
 
 FACTOR = 1.1
@@ -61,27 +59,7 @@ def _results(given: Results | Comparison | str | Path) -> Results:
         return given
     if isinstance(given, Comparison):
         return given.results
-    path = Path(given)
-    path = path / "results.json" if path.is_dir() else path
-    _refuse_others(path)
-    results = Results.load(path)
-    twice = [name for name, number in Counter(map(_name, results.runs)).items() if number > 1]
-    if twice:
-        raise InputError(f"{path}: the run {', '.join(twice[0])} is there twice; once is needed.")
-    return results
-
-
-def _refuse_others(path: Path) -> None:
-    """Refuse a file of another kind or format in one sentence, before each of its fields has one of its own."""
-    text = read_bytes(path, Results.largest_file)
-    try:
-        content = json.loads(text)
-    except (ValueError, RecursionError):
-        raise InputError(f"{path} is not JSON; the results.json of `trebucheck compare` is needed.") from None
-    found = content.get("format") if isinstance(content, dict) else None
-    if found != FORMAT:
-        has = "no format" if found is None else f"format {str(found)[:60]!r}"
-        raise InputError(f"{path} has {has}; a results.json of `trebucheck compare` has {FORMAT!r}: make it again.")
+    return read_results(given)
 
 
 def _name(run: Run) -> tuple[str, str, str]:

@@ -259,6 +259,10 @@ class Figure(Placed):
     """Plots in a row where there is room; 0: up to three."""
     medium: Medium = field(default="page", kw_only=True)
 
+    def panels(self) -> Panels:
+        """The plots."""
+        return self.plot() if callable(self.plot) else self.plot
+
 
 @dataclass(frozen=True)
 class Grid(Placed):

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from ...models.errors import InputError
+from .document import Block, Document, Fold, Grid
+from .document import Figure as Plots
 from .plots import INK, Axis, Panels, Plot, Series
 
 if TYPE_CHECKING:
@@ -19,6 +21,19 @@ if TYPE_CHECKING:
 _SYMBOLS = {"circle": "o", "square": "s", "diamond": "D", "triangle": "^", "star": "*", "times": "x"}
 _WIDTH, _HEIGHT = 4.2, 3.2  # of one plot [inches]
 FORMATS = ("svg", "png", "pdf")
+
+
+def figures_of(document: Document) -> dict[str, Plots]:
+    """All figures of a report by their anchors, those of folds too."""
+    return {block.anchor: block for block in _figures(document.blocks) if block.anchor}
+
+
+def _figures(blocks: Iterable[Block]) -> Iterator[Plots]:
+    for block in blocks:
+        if isinstance(block, Plots):
+            yield block
+        elif isinstance(block, Grid | Fold):
+            yield from _figures(block.blocks)
 
 
 def picture(panels: Panels, columns: int = 3, title: str = "") -> Figure:

@@ -100,7 +100,7 @@ class _Page:
 
     def drawn(self, block: Figure) -> Drawn:
         """A figure's plots, their arrays put among those of the page."""
-        panels = block.plot() if callable(block.plot) else block.plot
+        panels = block.panels()
         self.has_plots = True
         listed = {series.name: series for plot in panels for series in plot.series if series.listed}
         legend = [Key(series.name, _swatch(series)) for series in listed.values()] if len(listed) > 1 else []

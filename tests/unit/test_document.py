@@ -29,6 +29,7 @@ from trebucheck.comparisons.report.document import (
     terminal_only,
 )  # fmt: skip
 from trebucheck.comparisons.report.numbers import format_number, format_percent, format_step, format_value, sentence
+from trebucheck.comparisons.report.plots import Axis, Panels, Plot, Series
 
 
 def _page(*blocks: object) -> str:
@@ -48,7 +49,6 @@ ERRORS = table(
     [("mujoco tuned", Cell("1.3e-8", "good"), 1000, "as ever"), ("pymunk tuned", Cell("2.5e-4", "bad"), 1000, "")],
     "Errors",
 )
-from trebucheck.comparisons.report.plots import Axis, Panels, Plot, Series
 
 
 def test_marks_are_signs_on_a_page_and_not_only_colours() -> None:
