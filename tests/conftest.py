@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import plugins
 import pytest
 import trebucheck as tb
 from hypothesis import HealthCheck, Phase, settings
@@ -45,6 +46,14 @@ def _param(name: str) -> object:
 def build(request: pytest.FixtureRequest) -> object:
     """Builder of a machine from its parameters."""
     return request.param
+
+
+@pytest.fixture
+def third_party(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Engines announced by entry points, as an installed distribution announces them."""
+    folder = tmp_path_factory.mktemp("site")
+    plugins.announce(folder)
+    monkeypatch.syspath_prepend(str(folder))
 
 
 @pytest.fixture

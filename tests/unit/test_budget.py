@@ -12,7 +12,6 @@ from typing import Any, cast
 
 import jsonschema
 import numpy as np
-import plugins
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -334,13 +333,6 @@ def test_the_softness_written_out_is_that_of_the_built_model(name: str, integrat
     kinds = ConstraintKinds.of(mechanism)
     given = built.jnt_solref if kinds.angles else built.pair_solref if built.npair else built.eq_solref
     assert tuple(given[0]) == effective_solref(made.settings, kinds)
-
-
-@pytest.fixture
-def third_party(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = tmp_path_factory.mktemp("site")
-    plugins.announce(folder)
-    monkeypatch.syspath_prepend(str(folder))
 
 
 @pytest.mark.usefixtures("third_party")

@@ -43,13 +43,6 @@ from trebucheck.models.spec import schema_text
 STEPS = 1e-2 / 2.0 ** np.arange(9)
 
 
-@pytest.fixture
-def third_party(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = tmp_path_factory.mktemp("site")
-    plugins.announce(folder)
-    monkeypatch.syspath_prepend(str(folder))
-
-
 # the observed order
 
 

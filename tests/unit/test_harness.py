@@ -11,7 +11,6 @@ from typing import Any
 
 import jsonschema
 import numpy as np
-import plugins
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.compare.machine import Case
@@ -30,14 +29,6 @@ from trebucheck.models.spec import schema_text
 from trebucheck.models.trajectory import load, save
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
-
-
-@pytest.fixture
-def third_party(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Engines announced by entry points, as an installed distribution announces them."""
-    folder = tmp_path_factory.mktemp("site")
-    plugins.announce(folder)
-    monkeypatch.syspath_prepend(str(folder))
 
 
 def _reference(**parameters: float) -> tb.Trajectory:
