@@ -93,10 +93,6 @@ class Equations:
     def _gravity_forces(self, q: FloatArray, rates: ComplexArray) -> FloatArray:
         return self.kinematics.gradient(self._weights.conj(), q, rates).real
 
-    def applied_forces(self, q: FloatArray, u: FloatArray) -> FloatArray:
-        """Generalized forces of the force elements, shape (..., n_q)."""
-        return np.zeros_like(q) if self._applied is None else self._applied.generalized(q, u)
-
     def applied_on_bodies(self, q: FloatArray, u: FloatArray) -> dict[str, FloatArray]:
         """Resultant force of the force elements on each body that one acts on, world frame [N], shape (..., 2)."""
         return {} if self._applied is None else self._applied.on_bodies(q, u)

@@ -45,6 +45,11 @@ def position_error(trajectory: Trajectory, exact: Solution, marker: str = PROJEC
     return float(np.linalg.norm(trajectory.marker(marker).position - there, axis=1).max())
 
 
+def misplaced(found: Trajectory, exact: Solution) -> float:
+    """Largest distance of any marker from the reference [m]."""
+    return max(position_error(found, exact, marker.name) for marker in found.mechanism.markers)
+
+
 # --- Parts ------------------------------------------------------------------------------------------------------
 
 

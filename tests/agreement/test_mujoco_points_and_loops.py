@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mechanisms import misplaced
 from trebucheck.comparisons.equivalence.checks import EXACT, check_model
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.models.errors import UnsupportedProblemError
@@ -56,13 +57,6 @@ def reference(name: str) -> Solution:
 @functools.cache
 def run(name: str, timestep: float = 1e-3, preset: str = "tuned") -> Trajectory:
     return MujocoEngine.presets()[preset](timestep=timestep).simulate(reference(name).problem)
-
-
-def misplaced(found: Trajectory, exact: Solution) -> float:
-    """Largest distance of any marker from the reference [m]."""
-    there = exact.trajectory(found.t)
-    apart = [found.marker(m.name).position - there.marker(m.name).position for m in found.mechanism.markers]
-    return float(np.linalg.norm(apart, axis=-1).max())
 
 
 def assert_forces_agree(found: Trajectory, exact: Solution, tolerance: float = LAG) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mechanisms import misplaced
 from trebucheck.comparisons.equivalence.checks import check_model, random_states
 from trebucheck.engines.pymunk.engine import PymunkEngine
 from trebucheck.models.errors import UnsupportedProblemError
@@ -51,13 +52,6 @@ def reference(name: str) -> Solution:
 @functools.cache
 def run(name: str, timestep: float) -> Trajectory:
     return PymunkEngine(timestep=timestep).simulate(reference(name).problem)
-
-
-def misplaced(found: Trajectory, exact: Solution) -> float:
-    """Largest distance of any marker from the reference [m]."""
-    there = exact.trajectory(found.t)
-    apart = [found.marker(m.name).position - there.marker(m.name).position for m in found.mechanism.markers]
-    return float(np.linalg.norm(apart, axis=-1).max())
 
 
 def errors(found: Trajectory, exact: Solution, skip: int = 0) -> dict[str, float]:

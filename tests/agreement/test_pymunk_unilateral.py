@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 import pytest
+from mechanisms import misplaced
 from trebucheck.engines.pymunk.engine import PymunkEngine
 from trebucheck.models.joints import GROUND, PinJoint
 from trebucheck.models.machines.trebuchet import ARM_STOP, fixed, rolling
@@ -89,13 +90,6 @@ def reference(name: str) -> Solution:
 @functools.cache
 def run(name: str, timestep: float) -> Trajectory:
     return PymunkEngine(timestep=timestep).simulate(reference(name).problem)
-
-
-def misplaced(found: Trajectory, exact: Solution) -> float:
-    """Largest distance of any marker from the reference [m]."""
-    there = exact.trajectory(found.t)
-    apart = [found.marker(m.name).position - there.marker(m.name).position for m in found.mechanism.markers]
-    return float(np.linalg.norm(apart, axis=-1).max())
 
 
 @cases
