@@ -84,7 +84,7 @@ def _command(results: Results) -> Iterator[Block]:
 
 def _folds(results: Results, rest: Sequence[Run], broken: Sequence[Text]) -> Iterator[Block]:
     if rest or broken:
-        yield Fold("Further runs", (_errors(rest), Listing(tuple(broken))))
+        yield Fold(f"Further runs ({len(rest)})", (_errors(rest), Listing(tuple(broken))))
     complained = [(run, complaints(run, _COMPLAINTS)) for run in results.runs if run.broken]
     items = [Text(text, lead=f"{run.model}, {run.label}:") for run, texts in complained for text in texts]
     if items:

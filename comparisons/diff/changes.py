@@ -63,6 +63,14 @@ class QuantityChange:
         return self.old is not None and self.old.holds is not True and self.new is not None and self.new.holds is True
 
     @property
+    def by_tolerance(self) -> bool:
+        """Whether the verdict is another one, and would be the old one had the tolerance not changed."""
+        old, size = self.old, _size(self.new)
+        if old is None or old.tolerance is None or size is None or self.new is None or self.new.holds is None:
+            return False
+        return self.new.holds is not old.holds and (size <= old.tolerance) is old.holds
+
+    @property
     def factor(self) -> float | None:
         """New error over old one, errors below what is unknown taken as that; None where one of them has no value."""
         old, new = _size(self.old), _size(self.new)

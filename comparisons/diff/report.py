@@ -194,7 +194,7 @@ def _factor(change: QuantityChange) -> str:
 
 
 def _short(value: float) -> str:
-    return f"{value:.2g}" if value < 99.5 else f"{value:.0f}" if value < 9999.5 else format_number(value)
+    return f"{value:.1f}" if value < 9.95 else f"{value:.0f}" if value < 9999.5 else format_number(value)
 
 
 def _tolerance(change: QuantityChange) -> str:
@@ -208,7 +208,8 @@ def _tolerance(change: QuantityChange) -> str:
 def _verdict(change: QuantityChange) -> Cell:
     old, new = _judged(change.old), _judged(change.new)
     mark: Mark = "bad" if change.broke or new == "breaks" else "good" if change.mended else "plain"
-    return Cell(new if old == new else f"{old} → {new}", mark)
+    why = ", by its tolerance" if change.by_tolerance else ""
+    return Cell(new if old == new else f"{old} → {new}{why}", mark)
 
 
 def _judged(metric: Metric | None) -> str:

@@ -84,6 +84,17 @@ def test_a_verdict_that_breaks_is_found_and_explained(results: Results) -> None:
     assert back.passed and len(back.mended) == 2 and "2 verdicts mended, 1 run is better" in back.summary
 
 
+def test_a_verdict_that_is_another_by_its_tolerance_alone_is_said_to_be(results: Results) -> None:
+    value = _metric(results, "position_max").value
+    assert value
+    broken = _changed(results, _with("position_max", tolerance=value / 2))
+    looser, better = (_changed(results, _with("position_max", **f)) for f in ({}, {"value": value / 4}))
+    assert _one(diff(broken, looser).mended).by_tolerance and not _one(diff(broken, better).mended).by_tolerance
+    assert "✓ breaks → holds, by its tolerance" in _shown(diff(broken, looser))
+    assert _one(diff(results, broken).broken).by_tolerance
+    assert not _one(diff(results, _changed(results, _with("position_max", value=1e3))).broken).by_tolerance
+
+
 @pytest.mark.parametrize("fields", [{"tolerance": None}, {"observed": False, "tolerance": None, "value": None}])
 def test_a_verdict_that_is_no_longer_given_got_worse(results: Results, fields: dict[str, Any]) -> None:
     found = diff(results, _changed(results, _with("position_max", **fields)))
