@@ -106,6 +106,8 @@ def test_a_broken_tolerance_that_is_no_longer_judged_is_not_mended(results: Resu
     broken = _changed(results, _with("position_max", value=1e3))
     found = diff(broken, _changed(results, _with("position_max", value=1.0, tolerance=None)))
     assert not found.mended and not found.broken and "breaks → not judged" in _shown(found)
+    unjudged = _changed(results, _with("position_max", tolerance=None))
+    assert "not judged → holds" in _shown(diff(unjudged, results)) and _one(diff(unjudged, results).mended)
 
 
 def test_a_quantity_that_is_gone_or_new(results: Results) -> None:
@@ -159,17 +161,24 @@ def test_versions_and_settings_that_changed_are_named(results: Results) -> None:
 @pytest.mark.parametrize(("share", "moved"), [(0.9, False), (1.2, True)])
 @pytest.mark.parametrize("name", ["position_max", "energy_balance", "velocity_max"])
 def test_less_than_what_is_unknown_is_no_movement(results: Results, name: str, share: float, moved: bool) -> None:
-    """Whatever the factor: from nothing to a part of what both results leave unknown of it."""
+    """Whatever the factor: from nothing, and from what both results leave unknown of it, by a part of that."""
+    for known in (results.machines[0].reference_uncertainty, {}):  # without it, rounding is left
+        machine = results.machines[0].model_copy(update={"reference_uncertainty": known})
+        _check_unknown(results.model_copy(update={"machines": (machine,)}), name, share, moved)
+
+
+def _check_unknown(results: Results, name: str, share: float, moved: bool) -> None:
     metric, machine = _metric(results, name), results.machines[0]
     run = next(run for run in results.runs if run.engine == "pymunk" and run.preset == "tuned")
     scale = {"position_max": machine.scales.length, "velocity_max": machine.scales.speed}
     rounding = 2.0**-52 * math.sqrt(run.steps) * max(1.0, machine.stretching)
     rounding *= scale.get(name, machine.scales.largest_energy)
     known = machine.reference_uncertainty
-    unknown = 2 * (known.get(metric.label, known[name]) + rounding)
-    old, new = (_changed(results, _with(name, value=value)) for value in (0.0, -share * unknown))
-    assert bool(diff(old, new).moved) is moved
-    assert bool(diff(new, old).moved) is moved
+    unknown = 2 * (known.get(metric.label, known.get(name, 0.0)) + rounding)
+    for least in (0.0, unknown):
+        old, new = (_changed(results, _with(name, value=v)) for v in (least, -least - share * unknown))
+        assert bool(diff(old, new).moved) is moved
+        assert bool(diff(new, old).moved) is moved
 
 
 def test_samples_that_leave_an_error_unknown_hide_its_movement(results: Results) -> None:
