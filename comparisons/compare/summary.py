@@ -13,7 +13,7 @@ from .sentences import complaints, verdict
 
 _ROWS, _CAUSES, _COMPLAINTS = 16, 6, 10
 """Runs and causes that are shown at once, and sentences on broken tolerances of a run behind a fold."""
-_SIGNS = "✓ holds its tolerance, ✗ breaks it; without either sign: not judged. Largest differences to the reference."
+_SIGNS = "Largest differences to the reference. ✓ holds its tolerance, ✗ breaks it, ○ is not judged."
 
 
 def summary(results: Results) -> Document:
@@ -42,11 +42,12 @@ def _foremost(runs: Sequence[Run]) -> tuple[Sequence[Run], Sequence[Run]]:
     return others[:_ROWS], [*others[_ROWS:], *(own if others is not own else [])]
 
 
-def _errors(runs: Iterable[Run]) -> Table:
+def _errors(runs: Sequence[Run]) -> Table:
+    """Quantities that one of the runs has, at least."""
     heads = (
         Column("machine", of=lambda run: run.model),
         Column("engine", of=lambda run: run.label),
-        *(quantity.column for quantity in OVERVIEW),
+        *(quantity.column for quantity in OVERVIEW if any(map(quantity.metrics, runs))),
         Column("verdict", of=verdict_cell),
     )
     return table(heads, runs)

@@ -35,8 +35,6 @@ _SHOWN = 20
 """Rows of a table that are shown at once."""
 _NAMED = 4
 """Runs whose names are shown with a change of an option."""
-_SAME_TOLERANCE = 1e-6
-"""Of a tolerance: it follows from scales of the reference, which may differ by rounding."""
 _MARKS: dict[Fate, Mark] = {
     Fate.SAME: "plain",
     Fate.BETTER: "good",
@@ -109,7 +107,7 @@ def _digits(value: float | None) -> str:
 def _runs(found: Difference) -> Iterator[Block]:
     """Runs whose verdict changed, or that have come or gone, and how much of each run changed."""
     fates = sorted((each for each in found.runs if each.fate is not Fate.SAME), key=_urgency)
-    heads = ("machine | engine | old | new", Column("what", rank=0), words("message"))
+    heads = ("run | old | new", Column("what", rank=0), words("message"))
     counted = [each for each in map(partial(_count_row, found), found.runs) if each is not None]
     if fates:
         yield Heading(f"Runs that changed ({len(fates)})", 2, medium="any")
@@ -133,14 +131,18 @@ def _urgency(each: RunChange) -> int:
 def _fate_row(each: RunChange) -> Row:
     message = each.reason or (each.new.message if each.new else None) or ""
     verdicts = (_outcome(each.old), _outcome(each.new))
-    return row(each.run.model, each.run.label, *verdicts, Cell(each.fate.value, _MARKS[each.fate]), message)
+    return row(_name(each), *verdicts, Cell(each.fate.value, _MARKS[each.fate]), message)
+
+
+def _name(each: RunChange) -> str:
+    return f"{each.run.model}, {each.run.label}"
 
 
 def _outcome(run: Run | None) -> str:
     return "–" if run is None else run.outcome.value
 
 
-_COUNTS = "machine | engine | broke | mended | grew | shrank | compared"
+_COUNTS = "run | broke | mended | grew | shrank | compared"
 
 
 def _count_row(found: Difference, each: RunChange) -> Row | None:
@@ -153,7 +155,7 @@ def _count_row(found: Difference, each: RunChange) -> Row | None:
     counts = [_count(broke, "bad"), _count(mended, "good"), _count(grew), _count(moved[len(grew) :])]
     worst = max((q for q in each.quantities if q in broke or q in grew), key=_known_factor, default=None)
     growth = "" if worst is None or _known_factor(worst) <= 1 else f"{_factor(worst)} in {worst.either.label}"
-    return row(each.run.model, each.run.label, *counts, len(each.quantities), growth)
+    return row(_name(each), *counts, len(each.quantities), growth)
 
 
 def _known_factor(change: QuantityChange) -> float:
@@ -198,11 +200,10 @@ def _short(value: float) -> str:
 
 
 def _tolerance(change: QuantityChange) -> str:
-    """The tolerance, or both where it changed."""
+    """The tolerance, or both where they read differently."""
     old, new = (None if metric is None else metric.tolerance for metric in (change.old, change.new))
-    if old is None or new is None or math.isclose(old, new, rel_tol=_SAME_TOLERANCE):
-        return format_number(old if new is None else new)
-    return f"{format_number(old)} → {format_number(new)}"
+    texts = [format_number(tolerance) for tolerance in (old, new) if tolerance is not None]
+    return " → ".join(dict.fromkeys(texts)) or "–"
 
 
 def _verdict(change: QuantityChange) -> Cell:
@@ -220,9 +221,7 @@ def _judged(metric: Metric | None) -> str:
 
 _CAPTION = "Errors, those that matter most first"
 _COLUMNS = (
-    terminal_only(Column("run", of=lambda change: f"{change.model}, {change.run}", wrap=True)),
-    page_only(Column("machine", of=lambda change: change.model)),
-    page_only(Column("engine", of=lambda change: change.run)),
+    Column("run", of=lambda change: f"{change.model}, {change.run}", wrap=True),
     terminal_only(Column("quantity", of=lambda change: f"{change.either.label} [{change.either.unit}]", rank=0)),
     page_only(Column("quantity", of=lambda change: change.either.label, wrap=False)),
     page_only(Column("unit", of=lambda change: change.either.unit)),
@@ -255,9 +254,10 @@ def _diagnoses(found: Difference) -> Iterator[Block]:
 def _conditions(found: Difference) -> Iterator[Block]:
     """Settings, tolerances asked for and horizons that are others: a change of ours, not of an engine."""
     sentences = [*found.conditions, *_settings(found.runs)]
-    loosened = sum(map(_looser, found.quantities))
+    loosened = sum(_looser(change, found.factor) for change in found.quantities)
     if loosened:
-        sentences.append(f"Tolerances of {loosened} of {len(found.quantities)} quantities are looser now.")
+        number = f"{loosened} of {len(found.quantities)}"
+        sentences.append(f"Tolerances of {number} quantities are looser now, by more than a factor {found.factor:g}.")
     if sentences:
         yield Heading("Conditions that changed", 2, medium="any")
         yield Listing(tuple(map(Text, sentences)))
@@ -269,7 +269,7 @@ def _settings(runs: Iterable[RunChange]) -> Iterator[str]:
     for each in runs:
         for name, (old, new) in each.settings.items():
             line = f"{name} {_setting(old)} → {_setting(new)}"
-            changed.setdefault(line, []).append(f"{each.run.model}, {each.run.label}")
+            changed.setdefault(line, []).append(_name(each))
     for line, names in changed.items():
         more = f" and {len(names) - _NAMED} more runs" if len(names) > _NAMED else ""
         yield f"{line}: {'; '.join(names[:_NAMED])}{more}."
@@ -279,17 +279,16 @@ def _setting(value: object) -> str:
     return "none" if value is None else format_step(value) if isinstance(value, float) and value else str(value)
 
 
-def _looser(change: QuantityChange) -> bool:
+def _looser(change: QuantityChange, factor: float) -> bool:
     old, new = (None if metric is None else metric.tolerance for metric in (change.old, change.new))
-    return old is not None and new is not None and new > old * (1 + _SAME_TOLERANCE)
+    return old is not None and new is not None and new > factor * old
 
 
 def _times(found: Difference) -> Iterator[Block]:
     """Wall times beside each other; they depend on what else the machine did."""
     timed = [each for each in found.runs if each.old and each.new and each.old.wall_time and each.new.wall_time]
     columns: tuple[tuple[str, Callable[[RunChange], object]], ...] = (
-        ("machine", lambda each: each.run.model),
-        ("engine", lambda each: each.run.label),
+        ("run", _name),
         ("old [s]", lambda each: _seconds(each.old)),
         ("new [s]", lambda each: _seconds(each.new)),
         ("old steps", lambda each: each.old.steps if each.old else None),

@@ -11,7 +11,21 @@ from ...models.trajectory import Trajectory
 from ...reference.certification.certificate import Certificate, Figure
 from ..runs.balance import sampled_balance
 from ..runs.results import Machine, Metric, ResultFile, Run, SingularPosition
-from .document import Block, Code, Document, Fold, Heading, Listing, Note, Table, Text, columns, ranked, table
+from .document import (
+    Block,
+    Code,
+    Document,
+    Fold,
+    Heading,
+    Listing,
+    Note,
+    Table,
+    Text,
+    columns,
+    page_only,
+    ranked,
+    table,
+)
 from .numbers import format_number, format_settings
 
 Settings = tuple[str, str, str, Mapping[str, object]]
@@ -96,9 +110,11 @@ def provenance(
     """The end of a page: versions, the settings of each run, and each machine's mechanism."""
     software = f"trebucheck {result.trebucheck_version}, Python {result.python_version}, {result.platform}."
     rows = [(model, label, version, format_settings(settings)) for model, label, version, settings in runs]
+    command = [] if result.command is None else [page_only(Code("The command that makes this again", result.command))]
     return (
         Heading("Provenance", 2),
         Note(software),
+        *command,
         table("machine | engine | version | settings", rows, "Settings of every run", "page"),
         *(mechanism_as_data(model, mechanism) for model, mechanism in mechanisms),
     )
