@@ -24,6 +24,7 @@ the coordinates, not in the metric of the mass matrix: no force acts here.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from functools import cached_property
 
 import numpy as np
@@ -57,6 +58,7 @@ class Equations:
         self._applied = AppliedForces(self.kinematics) if mechanism.force_elements else None
         self._gaps = self.kinematics.gaps
         self._ranks: dict[tuple[str, ...], int] = {}
+        self._ranks_at_start: dict[tuple[str, ...], int] = {}
         self._compilations: dict[tuple[str, ...], CompiledEquations | None] = {}
 
     @cached_property
@@ -231,8 +233,18 @@ class Equations:
         self._ranks[tuple(closed)] = rank
 
     def rank_at_start(self, closed: Sequence[str]) -> int:
-        """Number of independent constraints of the loops, and of closed stops taken as independent."""
-        return self._loop_rank + len(closed)
+        """Number of independent constraints of the loops and of the closed stops.
+
+        Stops that depend on other constraints in the start alone, and not beside it, count as independent.
+        """
+        most, names = self._loop_rank + len(closed), tuple(closed)
+        if not names:
+            return most
+        if names not in self._ranks_at_start:
+            with suppress(SimulationError):
+                most = _rank_near(self, np.array(self.mechanism.start), names)
+            self._ranks_at_start[names] = most
+        return self._ranks_at_start[names]
 
     @cached_property
     def _loop_rank(self) -> int:

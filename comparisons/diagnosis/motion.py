@@ -18,7 +18,7 @@ from ...models.trajectory import Trajectory
 from ...reference.equations import Equations
 from ...reference.perturbed import WithoutCentrifugal, solve_scheduled
 from ...reference.solution import Solution
-from ..runs.metrics import against
+from ..runs.comparison import against
 from ..runs.results import Cause, Diagnosis, Run
 from .case import Case
 from .consistent import with_closed_loops
@@ -248,7 +248,8 @@ def _misread(case: Case) -> Iterator[Cause]:
 def _settings_causes(case: Case, engine: Engine, simulate: Simulate) -> Iterator[Cause]:
     """The causes of the engine's error budget, removed one at a time: each explains the part that then vanishes."""
     size = float(np.linalg.norm(case.deviation))
-    problem = Problem(case.mechanism, duration=case.whole.provenance.duration)
+    given = case.solution.problem.stop_law
+    problem = Problem(case.mechanism, duration=case.whole.provenance.duration, stop_law=given)
     for name, amount, changed in _other_settings(engine, case.mechanism):
         try:
             other = simulate(changed, problem)

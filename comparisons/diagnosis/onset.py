@@ -18,8 +18,8 @@ from ...models.launch import LAUNCH_ANGLE
 from ...models.problem import Problem
 from ...reference.solution import Solution
 from ...reference.solver import solve
+from ..runs.comparison import THROWN, Comparison
 from ..runs.impacts import impact_times
-from ..runs.metrics import THROWN, Comparison
 from ..runs.results import Metric
 
 _COARSE = 1e-9  # tolerance of the coarser integration: its error is far above the finer one's

@@ -2,16 +2,11 @@
 
 No sample of an engine is interpolated, but for the launch, which falls between two samples (a polynomial through
 the eight samples around it, :mod:`...models.launch`).
-
-An impact makes speeds and forces jump: between the instants at which the two have it, and within one and a half steps
-of either, they are not compared; the instants are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from scipy.integrate import trapezoid
@@ -21,120 +16,19 @@ from ...models.launch import LAUNCH_ANGLE
 from ...models.problem import StopLaw
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
-from .balance import keeps_horizontal_momentum, reference_balance, sampled_balance
+from .balance import keeps_horizontal_momentum, sampled_balance
+from .comparison import EVENT_GUARD, THROWN, Comparison, not_observed
 from .impacts import impact_times, paired
 from .parting import parting
 from .results import Metric
-from .scales import Scales, away_from_poles, scales_until
-from .stretching import Stretching
+from .scales import Scales
+from .stretching import PARTED, Stretching
 
-_RELEASE_GUARD = 1.5  # steps around an event within which a sample may fall on its other side
 _COUNTED_IMPACTS = 10  # of each stop: the first ones; further ones pile up in a shorter and shorter time
+_REDUNDANT = "not unique: constraints are redundant"
 _RESOLVED = 0.5  # characteristic times, or of the end: a longer interval between two samples leaves motion unseen
 SAME_END = 1e-9
 """Of the end: an event so little beyond it is still within."""
-THROWN = "projectile"
-"""The marker whose launch is measured, unless another one is named."""
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """A trajectory beside the reference at the same times, cut at the end of the compared motion."""
-
-    trajectory: Trajectory
-    reference: Trajectory
-    solution: Solution
-    end: float
-    keep: BoolArray
-    thrown: str = THROWN
-    known_scales: Scales | None = None
-    invariants_to: float | None = None
-    """End of what invariants are compared over [s]; None: the same."""
-    stretching: Stretching | None = None
-    """Of the reference motion to that end, where it is known."""
-
-    @property
-    def t(self) -> FloatArray:
-        """Compared times [s]."""
-        return self.trajectory.t[self.keep]
-
-    @cached_property
-    def lasting(self) -> Comparison:
-        """The same to the end of what invariants are compared over; an impact after this one's end spoils that."""
-        end = self.invariants_to
-        if end is None or any(self.end < t <= end for t, _ in (*self.trajectory.impacts, *self.solution.impacts)):
-            return self
-        return replace(self, end=end, keep=self.trajectory.t <= end, invariants_to=None)
-
-    @cached_property
-    def scales(self) -> Scales:
-        """Of the reference motion up to the end."""
-        return self.known_scales or scales_until(self.solution, self.end)
-
-    @cached_property
-    def balance(self) -> tuple[FloatArray, FloatArray]:
-        """T + V - W of the trajectory (:mod:`.balance`) and of the reference, at the trajectory's times [J].
-
-        W of samples that begin late is the reference's until then.
-        """
-        expected = reference_balance(self.solution, self.reference)
-        before = float(self.reference.total_energy[0] - expected[0])
-        return sampled_balance(self.trajectory)[0] - before, expected
-
-    @cached_property
-    def step(self) -> float:
-        """Median interval of the samples [s]."""
-        return float(np.median(np.diff(self.trajectory.t)))
-
-    @cached_property
-    def smooth(self) -> BoolArray:
-        """Which compared samples are not at an impact of either."""
-        away = np.ones(len(self.t), dtype=bool)
-        for first, last in _impact_windows(self):
-            guard = _RELEASE_GUARD * self.step
-            away &= (self.t < first - guard) | (self.t > last + guard)
-        return away
-
-    @cached_property
-    def away(self) -> BoolArray:
-        """Which compared samples are not beside a singular position of the reference, a pole of forces."""
-        return away_from_poles(self.solution, self.t, self.scales.time)
-
-    def distance(self, values: FloatArray, reference: FloatArray) -> FloatArray:
-        """|values - reference| at the compared times; Euclidean over a trailing axis, if there is one."""
-        difference = (values - reference)[self.keep]
-        return np.abs(difference) if difference.ndim == 1 else np.linalg.norm(difference, axis=-1)
-
-    def largest(
-        self,
-        name: str,
-        values: FloatArray,
-        reference: FloatArray,
-        unit: str,
-        subject: str | None = None,
-        *,
-        forces: bool = False,
-    ) -> Metric:
-        """Metric of the largest distance at the compared times away from impacts, if there is such a time.
-
-        Forces are compared away from singular positions, too.
-        """
-        chosen = self.smooth & self.away if forces else self.smooth
-        if not chosen.any():
-            where = "at an impact or beside a singular position" if forces else "at an impact"
-            return _not_observed(name, subject, unit, f"every sample is {where}")
-        value = float(self.distance(values, reference)[chosen].max())
-        return Metric(name=name, subject=subject, value=value, unit=unit)
-
-
-def against(trajectory: Trajectory, solution: Solution, end: float, reference: Trajectory | None = None) -> Comparison:
-    """Set a trajectory beside the reference, from the start to `end` [s].
-
-    Args:
-        reference: at the trajectory's times, where it is known already.
-    """
-    reference = reference or solution.trajectory(trajectory.t)
-    return Comparison(trajectory, reference, solution, end, trajectory.t <= end)
 
 
 def measure(
@@ -208,8 +102,21 @@ def _releases(c: Comparison) -> Iterator[Metric]:
         if not stop.closed and c.solution.problem.stop_law is StopLaw.UNILATERAL:
             continue  # it can only open after an impact, which is another event
         times = c.trajectory.release_times.get(stop.name), c.solution.release_times.get(stop.name)
-        if _either_within(c, *times):
+        if not _either_within(c, *times):
+            continue
+        why = _no_release(c, stop.name) if stop.closed else None
+        if why is not None:
+            yield not_observed("release_time", stop.name, "s", why)
+        else:
             yield _event_metric(c, "release_time", stop.name, *times, "released")
+
+
+def _no_release(c: Comparison, stop: str) -> str | None:
+    """Why the time at which a stop opens is not unique: its torque changes sign at no time that the motion tells."""
+    if stop in c.solution.undetermined_stops:
+        return _REDUNDANT
+    torque = np.abs(c.reference.stop_torque(stop)[c.keep]).max(initial=0.0)
+    return "not unique: nothing presses on the stop" if torque <= PARTED * c.scales.torques[stop] else None
 
 
 def _either_within(c: Comparison, *times: float | None) -> bool:
@@ -230,15 +137,6 @@ def _format_time(time: float | None) -> str:
     return "no time before the end" if time is None else f"{time:.9g} s"
 
 
-def _impact_windows(c: Comparison) -> Iterator[tuple[float, float]]:
-    """First and last instant of each impact of either; both of an impact that both have."""
-    for stop in c.trajectory.mechanism.stops:
-        times, expected = impact_times(c.trajectory, stop.name), impact_times(c.solution, stop.name)
-        yield from ((time, time) for time in [*times, *expected])
-        pairs = paired(times, expected, c.step)
-        yield from ((min(own, other), max(own, other)) for own, other in pairs if own is not None and other is not None)
-
-
 def _impacts(c: Comparison) -> Iterator[Metric]:
     """The worst of a stop's first impacts; a resolved impact that only one of the two has is a disagreement."""
     for stop in c.trajectory.mechanism.stops:
@@ -246,7 +144,10 @@ def _impacts(c: Comparison) -> Iterator[Metric]:
         if not _either_within(c, *times, *expected):
             continue
         if not c.trajectory.impacts:
-            yield _not_observed("impact_time", stop.name, "s", "the engine resolves no impacts; its motion is judged")
+            yield not_observed("impact_time", stop.name, "s", "the engine resolves no impacts; its motion is judged")
+            continue
+        if stop.name in c.solution.undetermined_stops:
+            yield not_observed("impact_time", stop.name, "s", _REDUNDANT)
             continue
         yield _worst_impact(c, stop.name, times, expected)
 
@@ -263,10 +164,10 @@ def _torques(c: Comparison) -> Iterator[Metric]:
         name, unit = stop.name, stop.force_unit
         torque = c.trajectory.stop_torques.get(name)
         if torque is None:
-            yield _not_observed("stop_torque_max", name, unit)
+            yield not_observed("stop_torque_max", name, unit)
             continue
         if name in c.solution.undetermined_stops:
-            yield _not_observed("stop_torque_max", name, unit, "not unique: constraints are redundant")
+            yield not_observed("stop_torque_max", name, unit, _REDUNDANT)
             continue
         expected = c.reference.stop_torque(name)
         error = c.distance(torque, expected)
@@ -277,17 +178,13 @@ def _torques(c: Comparison) -> Iterator[Metric]:
         yield Metric(name="stop_impulse", subject=name, value=float(impulse), unit=f"{unit} s")
 
 
-def _not_observed(name: str, subject: str | None, unit: str, why: str = "the engine does not tell it") -> Metric:
-    return Metric(name=name, subject=subject, value=None, unit=unit, observed=False, note=why)
-
-
 def _away_from_releases(c: Comparison) -> BoolArray:
     """Which compared samples are further than one and a half steps from any release, either's."""
     away = np.ones(len(c.t), dtype=bool)
     times = [*c.trajectory.release_times.values(), *c.reference.release_times.values()]
     for time in times:
         if time is not None:
-            away &= np.abs(c.t - time) > _RELEASE_GUARD * c.step
+            away &= np.abs(c.t - time) > EVENT_GUARD * c.step
     return away
 
 
@@ -295,10 +192,10 @@ def _reactions(c: Comparison) -> Iterator[Metric]:
     for joint in (each for each in c.trajectory.mechanism.joints if each.held_directions):
         name, force = joint.name, c.trajectory.joint_reactions.get(joint.name)
         if force is None:
-            yield _not_observed("joint_reaction_max", name, "N")
+            yield not_observed("joint_reaction_max", name, "N")
             continue
         if name in c.solution.undetermined_joints:
-            yield _not_observed("joint_reaction_max", name, "N", "not unique: constraints are redundant")
+            yield not_observed("joint_reaction_max", name, "N", _REDUNDANT)
             continue
         error = c.largest("joint_reaction_max", force, c.reference.joint_reaction(name), "N", name, forces=True)
         yield error

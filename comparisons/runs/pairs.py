@@ -15,7 +15,8 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.launch import Launch
 from ...models.trajectory import Trajectory
-from .metrics import SAME_END, THROWN
+from .comparison import THROWN
+from .metrics import SAME_END
 from .results import Pair
 
 

@@ -147,7 +147,7 @@ class _Changed:
         motion, found = read(self.unchanged, self.t, self.scales), np.zeros(len(self.t))
         for mechanism in mechanisms:
             moved = self._moved(mechanism, read)
-            apart = np.abs(moved - motion[:, : moved.shape[1]])
+            apart = np.nan_to_num(np.abs(moved - motion[:, : moved.shape[1]]))  # what is unique in both
             apart[self.first_force :, self.poles[: moved.shape[1]]] = 0.0
             distance = apart.max(axis=0) / _CHANGE
             found[: len(distance)] = np.maximum(found[: len(distance)], distance)
@@ -238,7 +238,10 @@ def _natural_speed(mechanism: Mechanism, scales: Scales) -> float:
 
 
 def _motion(solution: Solution, t: FloatArray, scales: Scales) -> NDArray[np.complex128]:
-    """Everything judged along the motion in parts of its scale, plane vectors as complex numbers; shape (n_rows, n)."""
+    """Everything judged along the motion in parts of its scale, plane vectors as complex numbers; shape (n_rows, n).
+
+    Forces that are not unique are NaN.
+    """
     mechanism, kinematics, motion = solution.problem.mechanism, solution.equations.kinematics, solution.motion(t)
     rows: list[NDArray[Any]] = []
     for body in mechanism.bodies:
@@ -246,7 +249,9 @@ def _motion(solution: Solution, t: FloatArray, scales: Scales) -> NDArray[np.com
         rows.append(_plane(kinematics.position(centre, motion.q)) / scales.length)
         rows.append(_plane(kinematics.velocity(centre, motion.q, motion.u)) / scales.speed)
         rows += [angle.value(motion.q) / scales.angle, motion.u @ angle.coefficients / scales.angular_speed]
-    rows += [_plane(force) / scales.force for force in solution.joint_reactions(motion).values()]
+    for name, force in solution.joint_reactions(motion).items():
+        unique = name not in solution.undetermined_joints
+        rows.append(_plane(force) / scales.force if unique else np.full(len(t), np.nan))
     return np.array(rows, dtype=np.complex128)
 
 

@@ -27,8 +27,8 @@ from ...models.mechanism import Mechanism
 from ...models.spec import Real, Spec
 from ...reference.certification.certificate import REFUSED_BELOW, refusal
 from ...reference.solver import solve_to_launch
+from .comparison import THROWN
 from .impacts import FOLLOWED
-from .metrics import THROWN
 from .quantities import QUANTITIES, Quantity, judged_quantity
 from .results import Machine, Metric, Run
 from .scales import Scales, scales_until

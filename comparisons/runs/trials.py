@@ -30,7 +30,8 @@ from ...models.spec import Real, Spec
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 from ...reference.solver import characteristic_time
-from .metrics import THROWN, against, measure
+from .comparison import THROWN, against
+from .metrics import measure
 from .runner import Runner, Worker, failure
 from .scales import Scales, scales_until
 from .store import Store, conditions

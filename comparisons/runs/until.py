@@ -13,7 +13,7 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...reference.solution import Solution
 from ...reference.solver import characteristic_time, solve, solve_to_launch, solve_until
-from .metrics import THROWN
+from .comparison import THROWN
 
 _FORM = "must be 'launch', 'launch:MARKER', 'release:STOP', or a time in seconds"
 _TAIL = 0.4  # of the compared time: the reference goes on, so that events of engines that are late can be found

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
+
 from ...models.errors import SimulationError
 from ...models.mechanism import Mechanism
 from ...models.mjcf.points import felt_from
@@ -13,7 +15,10 @@ from .constraints import UnilateralConstraint, stop_contacts
 from .options import MujocoOptions, scaled_solref
 from .reference_acceleration import CALLBACK, ReferenceAccelerationCorrection, mujoco
 
-_PRELOAD_ITERATIONS = 6  # each gains the four digits of 1 - d, d the impedance
+_PRELOAD_ITERATIONS = 6  # each gains the four digits of 1 - d, d the impedance; of nearly dependent constraints less
+_MOST_ITERATIONS = 3000  # where guides are parallel but for half a degree, each gains a tenth of a digit
+_PATIENCE = 10  # iterations without a smaller change: what is left is rounding
+_SETTLED = 1e-10  # change of the constraints' forces in an iteration, of the largest
 
 
 def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
@@ -78,12 +83,40 @@ def preload(
     and takes some ten time constants to settle. A margin has the same effect as a penetration and leaves the start
     unchanged; contacts and equalities are given the acceleration R f instead.
     """
-    for _ in range(_PRELOAD_ITERATIONS):
+    changes, active = Changes(data), tuple(closed)
+    for done in range(_MOST_ITERATIONS):
         _forward(data, correction)
-        for constraint in closed:
+        if not changes.go_on(_SETTLED, done, _PRELOAD_ITERATIONS):
+            return
+        for constraint in active:
             constraint.preload(model, data, correction)
         correction.preload_equalities(data)
     _forward(data, correction)
+
+
+class Changes:
+    """Changes of the constraints' generalized forces from one iteration of a preload to the next.
+
+    These forces are unique where the constraints are redundant and their multipliers are not.
+    """
+
+    def __init__(self, data: Any) -> None:
+        self._data, self._forces = data, np.full(len(data.qfrc_constraint), np.inf)
+        self._least, self._since = np.inf, 0
+
+    def go_on(self, settled: float, done: int, least: int) -> bool:
+        """Whether to iterate again: always at first, then as long as changes fall but are not small.
+
+        Args:
+            settled: a small change, in parts of the largest force.
+            done: number of iterations so far.
+            least: number of iterations to be made.
+        """
+        forces = np.array(self._data.qfrc_constraint)
+        change, self._forces = float(np.abs(forces - self._forces).max(initial=0.0)), forces
+        self._least, self._since = (change, 0) if change < self._least else (self._least, self._since + 1)
+        unsettled = change > settled * float(np.abs(forces).max(initial=0.0))
+        return done < least or (unsettled and self._since < _PATIENCE)
 
 
 def _forward(data: Any, correction: ReferenceAccelerationCorrection) -> None:

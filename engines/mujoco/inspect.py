@@ -12,11 +12,11 @@ from ...models.joints import GROUND
 from ...models.mechanism import Mechanism
 from ...models.tree import Slide
 from ..inspection import Dynamics, Inspection, State
-from .build import load, start_data
+from .build import Changes, load, start_data
 from .constraints import UnilateralConstraint, slot_contacts, stop_constraints
 from .options import MujocoOptions
 from .read import IN_PLANE, absolute_from_relative
-from .reference_acceleration import ReferenceAccelerationCorrection, equality_rows, mujoco
+from .reference_acceleration import ReferenceAccelerationCorrection, mujoco
 
 # The softness of a limit and the solver's tolerance are numerical options: a limit at rest carries the same torque
 # with any of them. With the hardest impedance MuJoCo takes, each round gains the four digits of 1 - d. With this
@@ -32,7 +32,8 @@ _AT_REST: Mapping[str, object] = {
 # Points are preloaded by an acceleration, whatever their stiffness [1/s^2] and damping [1/s]; their positions are
 # rounded to some 1e-15 m, which such a small stiffness makes negligible.
 _POINTS_AT_REST = (-1.0, -1.0)
-_ROUNDS = 50  # of preloading, at most; four are enough unless the mechanism is close to a singular position
+_ROUNDS = 3000  # of preloading, at most; four are enough unless constraints are nearly dependent
+_FIRST_ROUNDS = 5
 _SETTLED = 1e-14  # change of the torques in a round, of the largest: rounding
 
 
@@ -136,12 +137,10 @@ class _Built:
         return {name: self._force(constraint) for name, constraint in zip(closed, active, strict=True)}
 
     def _settle(self, constraints: list[UnilateralConstraint]) -> None:
-        forces = np.zeros(0)
-        for _ in range(_ROUNDS):
+        changes = Changes(self.data)
+        for done in range(_ROUNDS):
             self.correction.forward(self.data)
-            before, forces = forces, np.array([*map(self._force, constraints), *self._equality_forces()])
-            change = np.abs(forces - before).max(initial=0.0) if len(before) else np.inf
-            if change <= _SETTLED * np.abs(forces).max(initial=0.0):
+            if not changes.go_on(_SETTLED, done, _FIRST_ROUNDS):
                 break
             for constraint in constraints:
                 constraint.preload(self.model, self.data, self.correction)
@@ -150,8 +149,3 @@ class _Built:
     def _force(self, constraint: UnilateralConstraint) -> float:
         row = constraint.row(self.data)
         return 0.0 if row is None else float(self.data.efc_force[row])
-
-    def _equality_forces(self) -> FloatArray:
-        """Forces of the equality constraints [N]."""
-        rows = [equality_rows(self.data, index) for index in range(self.model.neq)]
-        return self.data.efc_force[np.concatenate(rows)] if rows else np.zeros(0)
