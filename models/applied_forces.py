@@ -73,7 +73,7 @@ class AppliedForces:
             total += _torque(element, angle, q, u)[..., None] * angle.coefficients
         for element, point in self.forces:
             gradient = self.kinematics.gradient(point.coefficients, q, rates)
-            total += (complex(*element.force).conjugate() * gradient).real
+            total += element.force[0] * gradient.real + element.force[1] * gradient.imag
         return total
 
     def on_bodies(self, q: FloatArray, u: FloatArray) -> dict[str, FloatArray]:
@@ -139,5 +139,5 @@ def _torque(
 ) -> FloatArray:
     """Torque of an element on its body [N m]."""
     if isinstance(element, ConstantTorque):
-        return np.full(q.shape[:-1], element.torque)
+        return element.torque + np.zeros(q.shape[:-1])
     return -element.stiffness * (angle.value(q) - element.rest_angle) - element.damping * (u @ angle.coefficients)

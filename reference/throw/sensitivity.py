@@ -1,15 +1,14 @@
 """Exact derivatives of a launch with respect to every parameter and start value, event times included.
 
-Forward variational equations (Hairer, Norsett and Wanner, Solving ODEs I, Sec. I.14) are integrated with the motion,
-from one release to the next. Nothing is differenced: the equations of motion are differentiated by hand
-(:mod:`.variational`), event and launch times by the implicit function theorem, the flight in closed form.
+The state's derivatives are those of :mod:`.tangent`, of any mechanism; here the launch time follows by the implicit
+function theorem, the flight in closed form, and the machine's numbers from its parameters by a complex step.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,53 +16,19 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
-from ...models.kinematics import Kinematics, initial_state
+from ...models.kinematics import initial_state
 from ...models.launch import lead
 from ...models.machines.parameters import TrebuchetParameters
 from ...models.machines.registry import model
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
-from ..integrator import Integrator
-from ..solution import Solution
 from ..solver import solve, solve_to_launch
+from .tangent import PointTangent, StateTangent, marker_tangent, state_tangent
 from .throw import Sensitivity
 from .variational import Direction, VariationalEquations, numbers
 
-TOLERANCE = 1e-13
-"""Local error bound of the tangents: identities are then exact to some 1e-10, at half the cost of the solver's own."""
-
 _STEP = 1e-200  # of the complex step: its square is far below the smallest float, so nothing is truncated
 _SAME = 1e-14  # relative: the two formulas may round differently, by a few units in the last place
-
-
-@dataclass(frozen=True)
-class StateTangent:
-    """A state of a motion at a fixed time and its derivatives along m directions."""
-
-    t: float
-    q: FloatArray
-    u: FloatArray
-    """Shape (n_q,)."""
-    dq: FloatArray
-    du: FloatArray
-    """Shape (m, n_q)."""
-    closed: tuple[str, ...]
-    """Stops that are active there."""
-    d_release_times: dict[str, FloatArray]
-    """Of every stop, shape (m,); NaN where it did not open between the start and t."""
-
-
-@dataclass(frozen=True)
-class PointTangent:
-    """A marker at a fixed time and its derivatives along m directions."""
-
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    """[m], [m/s], [m/s^2], shape (2,)."""
-    d_position: FloatArray
-    d_velocity: FloatArray
-    """Shape (m, 2)."""
 
 
 @dataclass(frozen=True)
@@ -145,101 +110,6 @@ def _value(mechanism: Mechanism, parameters: TrebuchetParameters, name: str) -> 
     return mechanism.start[mechanism.coordinates.index(name.removesuffix("0"))]
 
 
-def state_tangent(
-    solution: Solution, equations: VariationalEquations, t: float, tol: float = TOLERANCE
-) -> StateTangent:
-    """Derivatives of the state at a fixed time t [s], and of the releases before it, for any mechanism.
-
-    At a release the tangent does not change: its jump (Aizerman and Gantmakher 1958) is
-    (f_after - f_before) dt_release, and the torque that ends is zero there, so that f, the state's rate, does not jump.
-
-    Args:
-        solution: the motion.
-        equations: of the same mechanism, with the directions.
-        t: within the solution [s].
-        tol: local error bound of the integrator, relative and absolute.
-
-    Raises:
-        InputError: t lies outside the solution, there is an impact before t (whose jump is not treated here), or a
-            direction moves the start off a closed stop.
-        SimulationError: the integrator's step size collapsed.
-    """
-    if not 0 <= t <= solution.segments[-1].end:
-        raise InputError(f"t = {t:g} s lies outside the solution, which covers 0 to {solution.segments[-1].end:.6g} s.")
-    if any(0 < time <= t for time, _ in solution.impacts):
-        raise InputError(f"there is an impact before t = {t:g} s; derivatives are known through releases only.")
-    n_q, m = len(solution.problem.mechanism.coordinates), len(equations.tangents)
-    first = solution.segments[0]
-    y0 = np.asarray(first.interpolant(0.0), dtype=np.float64)
-    dq, du = equations.start(y0[:n_q], y0[n_q:], first.closed)
-    y = np.concatenate([y0, np.concatenate([dq, du], axis=1).ravel()])
-    releases = {stop.name: np.full(m, np.nan) for stop in solution.problem.mechanism.stops}
-    closed = first.closed
-    for segment in solution.segments:
-        if segment.start >= t:
-            break
-        closed = segment.closed
-        y = _integrated(equations, segment.closed, y, segment.start, min(segment.end, t), tol)
-        for name in segment.closed:
-            if segment.end <= t and solution.release_times[name] == segment.end:
-                releases[name] = _release_tangent(equations, segment.closed, name, y)
-    return StateTangent(t, *_unpacked(y, n_q), closed, releases)
-
-
-def _unpacked(y: FloatArray, n_q: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    tangents = y[2 * n_q :].reshape(-1, 2 * n_q)
-    return y[:n_q], y[n_q : 2 * n_q], tangents[:, :n_q], tangents[:, n_q:]
-
-
-def _integrated(
-    equations: VariationalEquations, closed: Sequence[str], y: FloatArray, start: float, end: float, tol: float
-) -> FloatArray:
-    n_q = len(equations.mechanism.coordinates)
-
-    def rates(t: float, y: FloatArray) -> FloatArray:
-        q, u, dq, du = _unpacked(y, n_q)
-        tangent = equations.tangent(q, u, dq, du, closed)
-        return np.concatenate([u, tangent.a, np.concatenate([du, tangent.da], axis=1).ravel()])
-
-    stepper = Integrator(rates, start, y, end, (tol, tol))
-    while stepper.status == "running":
-        stepper.step()
-    return np.asarray(stepper.y, dtype=np.float64)
-
-
-def _release_tangent(equations: VariationalEquations, closed: Sequence[str], name: str, y: FloatArray) -> FloatArray:
-    """Implicit function theorem on torque(t, p) = 0: dt = -(d torque) / (torque's rate)."""
-    q, u, dq, du = _unpacked(y, len(equations.mechanism.coordinates))
-    column = equations.n_loops + list(closed).index(name)
-    rate = equations.in_time(q, u, closed).d_multipliers[0, column]
-    return -equations.tangent(q, u, dq, du, closed).d_multipliers[:, column] / rate
-
-
-def marker_tangent(equations: VariationalEquations, state: StateTangent, marker: str = "projectile") -> PointTangent:
-    """A marker at a state, and its derivatives along the directions at that fixed time."""
-    kinematics, q, u = equations.kinematics, state.q, state.u
-    at = next(i for i, m in enumerate(equations.mechanism.markers) if m.name == marker)
-    marker_model = equations.mechanism.markers[at]
-    row = kinematics.point(marker_model.body, marker_model.point)
-    phasors, rates, turn = kinematics.phasors(q), kinematics.rates(q), -1j * kinematics.is_angle * state.dq
-    d_position = (rates * state.dq) @ row.coefficients
-    d_velocity = (rates * (turn * u + state.du)) @ row.coefficients
-    for j, tangent in enumerate(equations.tangents):
-        moved = Kinematics(tangent).point(marker_model.body, tangent.markers[at].point)
-        d_position[j] += moved.offset + phasors @ moved.coefficients
-        d_velocity[j] += (rates * u) @ moved.coefficients
-    position, velocity, acceleration = kinematics.point_motion(
-        marker_model, q, u, equations.solve(q, u, state.closed)[0]
-    )
-    return PointTangent(
-        position=position,
-        velocity=velocity,
-        acceleration=acceleration,
-        d_position=np.stack([d_position.real, d_position.imag], axis=-1),
-        d_velocity=np.stack([d_velocity.real, d_velocity.imag], axis=-1),
-    )
-
-
 def _of_the_launch(
     names: tuple[str, ...], values: FloatArray, scale: FloatArray, equations: VariationalEquations, state: StateTangent
 ) -> Sensitivities:
@@ -249,8 +119,9 @@ def _of_the_launch(
     d_position = point.d_position + d_time[:, None] * point.velocity
     d_velocity = point.d_velocity + d_time[:, None] * point.acceleration
     speed = math.hypot(*point.velocity)
-    d_gravity = np.array([tangent.gravity for tangent in equations.tangents])
-    landing, d_landing = _landing(point, d_position, d_velocity, equations.mechanism.gravity, d_gravity)
+    landing, d_landing = _landing(
+        point, d_position, d_velocity, equations.mechanism.gravity, equations.along("gravity")
+    )
     return Sensitivities(
         names=names,
         values=values,

@@ -1,16 +1,17 @@
-r"""Variational equations: how accelerations and multipliers change with the state and the mechanism's data.
+r"""Variational equations: how accelerations, multipliers and impacts change with the state and the mechanism's data.
 
-With r = dw/dq and z = a - i s u^2 (so that r z is the second time derivative of the phasors w, and H the matrix of
-:mod:`..equations`) the KKT system reads
+With the state (q, u) and the data p along a direction as dual numbers (:mod:`..dual`), the functions of
+:mod:`..equations` give mass matrix, forces and constraints with their derivatives, whatever the mechanism is made of.
+The accelerations follow by the implicit function theorem: of
 
-    Re(H z) + I a - Q = G^T lam,        Re(L (r z)) = 0  (loops),        G_gap a = 0  (closed stops).
+    M a - G^T lam = f,        G a = g
 
-Differentiated along a direction (dq, du, data), with dr = -i s dq r and dz = da - 2 i s u du,
+the derivative is the same matrix with the right-hand side df - dM a + dG^T lam, dg - dG a. An impact (the mass matrix
+and the constraints of the stops that take part, f = M u-, g = -e G u- of those and 0 of the loops) has the same form.
 
-    M da - G^T dlam = dQ - Re(dH z - 2 i H (s u du)) - dI a + dG^T lam
-    G da            = -Re(dL (r z) + L (-i s dq r z - 2 i r s u du)),  0 for gaps, which are linear in q:
-
-the same matrix, a new right-hand side per direction.
+The data are the coefficients of points, angles and masses that :mod:`...models.kinematics` makes of a mechanism's
+numbers. In each number they are polynomials of degree two at most, or, in the angle of a weld or rail, of degree one
+and sine and cosine: for both a difference rule of four values is exact (`_WEIGHTS`).
 
 A *direction* maps names of a mechanism's numbers ("bodies.arm.mass", "start.0", "stops.hanger rest.limit") to their
 derivatives with respect to one quantity; numbers it does not name do not change.
@@ -18,26 +19,29 @@ derivatives with respect to one quantity; numbers it does not name do not change
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, cast
 
 import numpy as np
 
-from ...models.arrays import ComplexArray, FloatArray
+from ...models.applied_forces import AppliedForces
+from ...models.arrays import FloatArray
 from ...models.errors import InputError, UnsupportedProblemError
-from ...models.features import refuse_features
-from ...models.joints import SlotJoint
-from ...models.kinematics import Kinematics
+from ...models.kinematics import Kinematics, PointCoefficients, ScalarFunction, initial_state
 from ...models.mechanism import Mechanism
 from ...models.spec import Spec
+from ..dependence import least_step
+from ..dual import Dual, value_of
 from ..equations import Equations, kkt_matrix
-from ..reactions import refuse_dependent
+from ..reactions import undetermined_forces
 
 Direction = Mapping[str, float]
 
 _FITS = 1e-9  # how well a direction must move closed stops and loops along, per unit of the direction's own size
+_STEPS = (-2.0, -1.0, 1.0, 2.0)
+# Of the odd parts at one and two steps h = 1: exact for x and for sin x, and 0 for x^2 and cos x.
+_WEIGHTS = np.linalg.solve([[2.0, 4.0], [2 * np.sin(1.0), 2 * np.sin(2.0)]], [1.0, 1.0])[[1, 0, 0, 1]] * np.sign(_STEPS)
 
 
 def numbers(mechanism: Mechanism) -> dict[str, float]:
@@ -45,11 +49,8 @@ def numbers(mechanism: Mechanism) -> dict[str, float]:
     return dict(_walk(_with_speeds(mechanism), ""))
 
 
-def tangent_mechanism(mechanism: Mechanism, direction: Direction) -> Mechanism:
-    """The mechanism with each number replaced by its derivative along the direction; it is not validated.
-
-    Rows of points are sums of the joints' points and axes, hence linear in them: the row that `Kinematics` makes of
-    this mechanism *is* the derivative of the row, and no formula has to be written twice.
+def moved(mechanism: Mechanism, direction: Direction, step: float = 1.0) -> Mechanism:
+    """The mechanism with its numbers moved along a direction; it is not validated.
 
     Raises:
         InputError: the direction names a number that the mechanism does not have.
@@ -58,7 +59,26 @@ def tangent_mechanism(mechanism: Mechanism, direction: Direction) -> Mechanism:
     for name in direction:
         if name not in known:
             raise InputError(f"there is no number {name!r} in {mechanism.name!r}; there is {sorted(known)}.")
-    return cast("Mechanism", _replaced(_with_speeds(mechanism), "", direction))
+    return cast("Mechanism", _moved(_with_speeds(mechanism), "", direction, step))
+
+
+def consistent_direction(mechanism: Mechanism, direction: Direction) -> dict[str, float]:
+    """The direction with the nearest change of the start that keeps loops closed and closed stops touching.
+
+    Speeds need no change: what the constraints take of a change of them is taken at the start
+    (:meth:`VariationalEquations.start`).
+
+    Raises:
+        InputError: the direction names a number that the mechanism does not have.
+    """
+    closed = [stop.name for stop in mechanism.stops if stop.closed]
+    equations, q = VariationalEquations(mechanism, [direction]), initial_state(mechanism)[0]
+    n_start = len(q)
+    dq = np.array([direction.get(f"start.{i}", 0.0) for i in range(n_start)])
+    residual = equations.residual_tangents(Dual(q, dq[:, None]), closed)[:, 0]
+    rank = equations.rank(q, closed)
+    dq = dq - least_step(equations.constraint_jacobian(q, closed), residual, rank)
+    return dict(direction) | {f"start.{i}": float(value) for i, value in enumerate(dq) if value}
 
 
 def _with_speeds(mechanism: Mechanism) -> Mechanism:
@@ -83,132 +103,165 @@ def _walk(value: object, path: str) -> Iterator[tuple[str, float]]:
         yield from _walk(part, f"{path}.{name}" if path else name)
 
 
-def _replaced(value: object, path: str, direction: Direction) -> object:
+def _moved(value: object, path: str, direction: Direction, step: float) -> object:
     if isinstance(value, float):
-        return float(direction.get(path, 0.0))
-    parts = {name: _replaced(part, f"{path}.{name}" if path else name, direction) for name, part in _parts(value)}
+        return value + step * direction.get(path, 0.0)
+    parts = {name: _moved(part, f"{path}.{name}" if path else name, direction, step) for name, part in _parts(value)}
     if isinstance(value, Spec):
         return value.model_copy(update=parts)
     return tuple(parts.values()) if isinstance(value, tuple) else value
 
 
 @dataclass(frozen=True)
-class DataTangent:
-    """Derivatives of what the equations of motion are made of, one row per direction; symbols as in `Equations`."""
+class Data:
+    """What the equations of motion are made of; numbers and arrays, or Duals of them. Symbols as in `Equations`."""
 
-    products: ComplexArray
-    """dK, shape (m, n_q, n_q)."""
-    weights: ComplexArray
-    """d of -i g C^H m, shape (m, n_q)."""
-    inertias: FloatArray
-    """dI, shape (m, n_q)."""
-    loops: ComplexArray
-    """d of the loop rows L, shape (m, n_loops, n_q)."""
-    loop_offsets: ComplexArray
-    """d of the loops' constant parts, shape (m, n_loops)."""
+    products: Any
+    weights: Any
+    inertias: Any
+    closures: tuple[ScalarFunction, ...]
+    gaps: dict[str, ScalarFunction]
+    restitution: dict[str, Any]
+    markers: dict[str, PointCoefficients]
+    springs: Any
+    rotational: Any
+    forces: Any
 
     @classmethod
-    def along(cls, mechanism: Mechanism, tangents: list[Mechanism]) -> DataTangent:
-        """By the product rule, from the tangent mechanisms."""
-        n_q, n_l = len(mechanism.coordinates), len(Kinematics(mechanism).loop_closures)
-        loops = np.array([_loop_tangents(mechanism, tangent) for tangent in tangents])
-        loops = loops.reshape(len(tangents), n_l, n_q + 1)
+    def of(cls, mechanism: Mechanism) -> Data:
+        """As numbers."""
+        equations = _Open(mechanism)
+        kinematics = equations.kinematics
+        applied = AppliedForces(kinematics)
         return cls(
-            products=np.array([_product_tangent(mechanism, tangent) for tangent in tangents]),
-            weights=np.array([_weight_tangent(mechanism, tangent) for tangent in tangents]),
-            inertias=np.array([Kinematics(tangent).inertias for tangent in tangents]),
-            loops=loops[..., :-1],
-            loop_offsets=loops[..., -1],
+            *equations.matrices,
+            closures=kinematics.loop_closures,
+            gaps=kinematics.gaps,
+            restitution={stop.name: stop.restitution for stop in mechanism.stops},
+            markers={marker.name: kinematics.point(marker.body, marker.point) for marker in mechanism.markers},
+            springs=applied.springs,
+            rotational=applied.rotational,
+            forces=applied.forces,
         )
 
     @classmethod
-    def none(cls, n_q: int, n_loops: int) -> DataTangent:
-        """One direction in which the data do not change: along it states move by themselves, as in time."""
-        zero = np.zeros((1, n_q, n_q), dtype=np.complex128)
-        loops = np.zeros((1, n_loops, n_q), dtype=np.complex128)
-        return cls(zero, zero[:, 0], np.zeros((1, n_q)), loops, loops[..., 0])
+    def along(cls, mechanism: Mechanism, directions: Sequence[Direction]) -> Data:
+        """With the derivatives along directions, where there are any."""
+        names = sorted({name for direction in directions for name, value in direction.items() if value})
+        names = [name for name in names if not name.startswith(("start.", "start_speeds."))]
+        changes = np.array([[direction.get(name, 0.0) for direction in directions] for name in names])
+        slopes = [_slopes(mechanism, name) for name in names]
+
+        def dual(value: Any, *derivatives: Any) -> Any:
+            tangents = np.tensordot(np.array(derivatives), changes, axes=(0, 0)) if names else np.zeros(1)
+            return Dual(value, tangents) if tangents.any() else value
+
+        return _mapped(dual, cls.of(mechanism), *slopes)
 
 
-def _product_tangent(mechanism: Mechanism, tangent: Mechanism) -> ComplexArray:
-    """D of K = C^H diag(m) C."""
-    base, derivative = Kinematics(mechanism), Kinematics(tangent)
-    mixed = (derivative.centres.conj().T * base.masses) @ base.centres
-    return mixed + mixed.conj().T + (base.centres.conj().T * derivative.masses) @ base.centres
+class _Open(Equations):
+    """Equations that show their matrices."""
+
+    @property
+    def matrices(self) -> tuple[Any, Any, Any]:
+        """K, the weights and the inertias."""
+        return self._products, self._weights, self._inertias
 
 
-def _weight_tangent(mechanism: Mechanism, tangent: Mechanism) -> ComplexArray:
-    """D of -i g C^H m."""
-    base, derivative = Kinematics(mechanism), Kinematics(tangent)
-    changed = derivative.centres.conj().T @ base.masses + base.centres.conj().T @ derivative.masses
-    return -1j * (tangent.gravity * (base.centres.conj().T @ base.masses) + mechanism.gravity * changed)
+def _slopes(mechanism: Mechanism, name: str) -> Data:
+    """Derivatives of the data with respect to one number."""
+    value = numbers(mechanism)[name]
+    size = 1.0 if name.endswith(".angle") else max(1.0, abs(value))
+    values = [Data.of(moved(mechanism, {name: size}, step)) for step in _STEPS]
+    return _mapped(lambda *each: np.tensordot(_WEIGHTS / size, np.array(each), axes=1), *values)
 
 
-def _loop_tangents(mechanism: Mechanism, tangent: Mechanism) -> ComplexArray:
-    """D of each loop constraint's complex row, its constant part in the last column."""
-    rows: list[ComplexArray] = []
-    for joint, changed in zip(mechanism.loop_joints, tangent.loop_joints, strict=True):
-        moved = _closure_coefficients(tangent, changed.name)
-        if isinstance(joint, SlotJoint) and isinstance(changed, SlotJoint):
-            # Distance from the slot's line: Re(conj(i axis) z); the axis itself may turn.
-            turned = _closure_coefficients(mechanism, joint.name) * np.conj(1j * complex(*changed.axis))
-            rows.append(moved * np.conj(1j * complex(*joint.axis)) + turned)
-        else:
-            rows += [moved, -1j * moved]
-    return np.array(rows, dtype=np.complex128)
+def _mapped(function: Callable[..., Any], *values: Any) -> Any:
+    """A function of corresponding numbers and arrays of data of one structure, as such data."""
+    first = values[0]
+    if isinstance(first, float | complex | np.ndarray):
+        return function(*values)
+    if isinstance(first, tuple):
+        return tuple(_mapped(function, *items) for items in zip(*values, strict=True))
+    if isinstance(first, dict):
+        return {key: _mapped(function, *(value[key] for value in values)) for key in cast("dict[str, Any]", first)}
+    if isinstance(first, Spec):
+        parts = {name: [getattr(value, name) for value in values] for name in type(first).model_fields}
+        return first.model_copy(update={name: _mapped(function, *part) for name, part in parts.items()})
+    if is_dataclass(first) and not isinstance(first, Kinematics):
+        parts = {field.name: [getattr(value, field.name) for value in values] for field in fields(first)}
+        return replace(cast("Any", first), **{name: _mapped(function, *part) for name, part in parts.items()})
+    return first
 
 
-def _closure_coefficients(mechanism: Mechanism, name: str) -> ComplexArray:
-    joint = next(joint for joint in mechanism.loop_joints if joint.name == name)
-    kinematics = Kinematics(mechanism)
-    parent = kinematics.point(joint.parent, joint.parent_point)
-    child = kinematics.point(joint.child, joint.child_point)
-    return np.append(child.coefficients - parent.coefficients, child.offset - parent.offset)
+class DualEquations(Equations):
+    """The equations of motion of data and states with derivatives; states are of shape (n_q,)."""
 
+    def __init__(self, mechanism: Mechanism, data: Data) -> None:
+        super().__init__(mechanism)
+        self.data = data
+        self._products, self._weights, self._inertias = data.products, data.weights, data.inertias
+        if self._applied is not None:
+            lifted = {"springs": data.springs, "rotational": data.rotational, "forces": data.forces}
+            vars(self._applied).update(lifted)  # where its cached properties keep them
 
-@dataclass(frozen=True)
-class Tangent:
-    """Accelerations and multipliers of one state, and their derivatives along m directions."""
+    def constraint_jacobian(self, q: Any, closed: Sequence[str]) -> Any:
+        """As that of `Equations`."""
+        return self._jacobian_of(q, self._rates(q), closed)
 
-    a: FloatArray
-    """[rad/s^2 or m/s^2], shape (n_q,)."""
-    multipliers: FloatArray
-    """[N or N m], shape (n_loops + n_closed,)."""
-    da: FloatArray
-    """Shape (m, n_q)."""
-    d_multipliers: FloatArray
-    """Shape (m, n_loops + n_closed)."""
+    def _jacobian_of(self, q: Any, rates: Any, closed: Sequence[str]) -> Any:
+        rows = [function.jacobian(q, rates) for function in self._constraints(closed)]
+        return np.stack(rows) if rows else np.zeros((0, len(self._angles)))
+
+    def residual(self, q: Any, closed: Sequence[str]) -> Any:
+        """Loop closures and gaps of closed stops, shape (n_loops + n_closed,)."""
+        rows = [function.value(q) for function in self._constraints(closed)]
+        return np.stack(rows) if rows else np.zeros(0)
+
+    def _constraints(self, closed: Sequence[str]) -> list[ScalarFunction]:
+        return [*self.data.closures, *(self.data.gaps[name] for name in closed)]
+
+    def system(self, q: Any, u: Any, closed: Sequence[str]) -> tuple[Any, Any, Any, Any]:
+        """Mass matrix, constraint Jacobian, all forces but the constraints', and what G a is."""
+        rates = self._rates(q)
+        quadratic, curvature = self._quadratic(q, rates), self.kinematics.curvature(q, u, rates)
+        mass, forces = quadratic.real + self._inertias, self._forces(q, u, rates, quadratic)
+        rows = [function.bias(q, u, curvature) for function in self._constraints(closed)]
+        return mass, self._jacobian_of(q, rates, closed), forces, -np.stack(rows) if rows else np.zeros(0)
 
 
 class VariationalEquations(Equations):
     """The equations of motion and their derivatives along directions of the mechanism's numbers.
 
     Raises:
-        UnsupportedProblemError: there is a stop on a point, whose gap's derivatives are not written here, or some
-            constraints follow from others.
+        InputError: a direction names a number that the mechanism does not have.
     """
 
     def __init__(self, mechanism: Mechanism, directions: Sequence[Direction]) -> None:
-        if mechanism.point_stops:
-            names = ", ".join(stop.name for stop in mechanism.point_stops)
-            raise UnsupportedProblemError(f"sensitivities are derived for stops on angles only, not for {names}.")
-        refuse_features(mechanism, (), "the derivative of a motion")
         super().__init__(mechanism)
-        closed = [stop.name for stop in mechanism.stops if stop.closed]
-        refuse_dependent(self, np.array(mechanism.start), closed, "the derivative of a motion")
-        self.tangents = [tangent_mechanism(mechanism, direction) for direction in directions]
-        self._data = DataTangent.along(mechanism, self.tangents)
+        for direction in directions:
+            moved(mechanism, direction)  # refuses unknown names
+        self.directions = tuple(directions)
+        self._dual = DualEquations(mechanism, Data.along(mechanism, directions))
+        self._still = DualEquations(mechanism, Data.of(mechanism))
 
-    @cached_property
-    def _rows(self) -> ComplexArray:
-        """Complex rows of the loop constraints, shape (n_loops, n_q)."""
-        return np.zeros((0, len(self.mechanism.coordinates)), dtype=complex) if self._loops is None else self._loops
+    @property
+    def data(self) -> Data:
+        """With the derivatives along the directions."""
+        return self._dual.data
 
-    @cached_property
-    def _still(self) -> DataTangent:
-        return DataTangent.none(len(self.mechanism.coordinates), self.n_loops)
+    def along(self, path: str) -> FloatArray:
+        """Derivatives of one number, shape (m,)."""
+        return np.array([direction.get(path, 0.0) for direction in self.directions])
 
-    def start(self, q: FloatArray, u: FloatArray, closed: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-        """Derivatives of the start's q and u, each of shape (m, n_q).
+    def residual_tangents(self, q: Dual, closed: Sequence[str]) -> FloatArray:
+        """Derivatives of the loop closures and of the gaps of closed stops, shape (n_constraints, m)."""
+        return _tangents(self._dual.residual(q, closed), len(self.directions))
+
+    def start(
+        self, q: FloatArray, u: FloatArray, closed: Sequence[str], restitution: Mapping[str, Any]
+    ) -> tuple[Dual, Dual]:
+        """The start's q and u with their derivatives, u as the constraints let it through.
 
         A change of a start speed is a kick before the start: the part that the closed stops and the joints of loops
         take up is gone at once (their impulses solve M du+ - G^T P = M du, G du+ + dG u = 0). A kick away from a stop
@@ -217,73 +270,83 @@ class VariationalEquations(Equations):
 
         Args:
             q, u: the start, shape (n_q,).
-            closed: stops that are active from the start on.
+            closed: stops that are active from the start on, or struck there.
+            restitution: of those that rebound at once, by name.
 
         Raises:
             InputError: a direction would open or penetrate an active stop, or open a loop, at the start.
         """
-        dq = np.array([tangent.start for tangent in self.tangents])
-        du = np.array([tangent.start_speeds for tangent in self.tangents])
-        self._refuse_misfits(q, dq, closed)
-        jacobian, mass = self.constraint_jacobian(q, closed), self.mass_matrix(q)
-        torn = self._loop_tangent(q, u.astype(np.complex128), dq, self._data)
-        right = np.concatenate([du @ mass, -torn, np.zeros((len(du), len(closed)))], axis=1)
-        after = np.asarray(np.linalg.solve(kkt_matrix(mass, jacobian), right.T).T, dtype=np.float64)
-        return dq, after[:, : len(q)]
+        dq, du = (np.array([self.along(f"{name}.{i}") for i in range(len(q))]) for name in ("start", "start_speeds"))
+        start = Dual(q, dq)
+        self.refuse_misfits(start, closed, "the start")
+        return start, self.impact(start, Dual(u, du), closed, restitution)[0]
 
-    def _refuse_misfits(self, q: FloatArray, dq: FloatArray, closed: Sequence[str]) -> None:
-        for j, tangent in enumerate(self.tangents):
-            positions = {stop.name: stop.position for stop in tangent.stops}
-            gaps = [self.kinematics.gap_jacobian(name, q) @ dq[j] - positions[name] for name in closed]
-            moved = self._data.loops[j] @ self.kinematics.phasors(q) + self._data.loop_offsets[j]
-            loops = (moved + self._rows @ (self._rates(q) * dq[j])).real
-            misfit = np.abs(np.concatenate([np.array(gaps), loops])).max(initial=0.0)
-            if misfit > _FITS * max(1.0, float(np.abs(dq[j]).max())):
-                raise InputError(
-                    f"direction {j} moves the start off its closed stops {tuple(closed)} or loops by {misfit:.3g} per "
-                    "unit; a motion is not differentiable there: move the stop's limit (or the joint) along."
-                )
+    def refuse_misfits(self, q: Dual, closed: Sequence[str], what: str, fits: float = _FITS) -> None:
+        """Refuse directions that open loops or closed stops, which no motion can follow."""
+        misfits = np.abs(self.residual_tangents(q, closed)).max(axis=0, initial=0.0)
+        for j in np.flatnonzero(misfits > fits * np.maximum(1.0, np.abs(q.tangents).max(axis=0))):
+            raise InputError(
+                f"direction {j} moves {what} off its closed stops {tuple(closed)} or loops by {misfits[j]:.3g} per "
+                "unit; a motion is not differentiable there: move the stop's limit (or the joint) along."
+            )
 
-    def _loop_tangent(self, q: FloatArray, v: ComplexArray, dq: FloatArray, data: DataTangent) -> FloatArray:
-        """D Re(L (r v)) at fixed v, shape (m, n_loops)."""
-        moving = self._rates(q) * v
-        return (data.loops @ moving + (-1j * self._angles * dq * moving) @ self._rows.T).real
+    def accelerations(self, q: Dual, u: Dual, closed: Sequence[str]) -> tuple[Dual, Dual]:
+        """Accelerations and multipliers of a state, with their derivatives.
 
-    def tangent(self, q: FloatArray, u: FloatArray, dq: FloatArray, du: FloatArray, closed: Sequence[str]) -> Tangent:
-        """Along the directions, for a state (n_q,) and its derivatives (m, n_q)."""
-        return self._tangent(q, u, dq, du, closed, self._data)
+        Raises:
+            UnsupportedProblemError: the force of a closed stop is not unique.
+        """
+        return self._accelerations(self._dual, q, u, closed)
 
-    def in_time(self, q: FloatArray, u: FloatArray, closed: Sequence[str]) -> Tangent:
-        """Time derivatives along the motion itself: one direction, (u, a) with the data as they are."""
+    def rates(self, q: FloatArray, u: FloatArray, closed: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        """Time derivatives of accelerations and multipliers along the motion, shapes (n_q,) and (n_constraints,)."""
         a = self.solve(q, u, closed)[0]
-        return self._tangent(q, u, u[None], a[None], closed, self._still)
+        da, rate = self._accelerations(self._still, Dual(q, u[:, None]), Dual(u, a[:, None]), closed)
+        return da.tangents[:, 0], rate.tangents[:, 0]
 
-    def _tangent(
-        self, q: FloatArray, u: FloatArray, dq: FloatArray, du: FloatArray, closed: Sequence[str], data: DataTangent
-    ) -> Tangent:
-        n_q, n_c, n_l = len(q), self.n_loops + len(closed), self.n_loops
-        rates = self._rates(q)
-        quadratic = self._quadratic(q, rates)
-        weights = rates.conj() * self._weights
-        spin = self._angles * u
-        inverse = np.linalg.inv(kkt_matrix(quadratic.real + self._inertias, self.constraint_jacobian(q, closed)))
-        right = np.zeros(n_q + n_c)
-        right[:n_q] = weights.real - quadratic.imag @ (spin * u)
-        right[n_q : n_q + n_l] = (1j * self._rows @ (rates * spin * u)).real
-        solution = inverse @ right
-        a, multipliers = solution[:n_q], solution[n_q:]
+    def _accelerations(self, of: DualEquations, q: Dual, u: Dual, closed: Sequence[str]) -> tuple[Dual, Dual]:
+        return self._solved_dual(q, closed, *of.system(q, u, closed))
 
-        z = a - 1j * spin * u
-        turn, dz = 1j * self._angles * dq, -2j * spin * du
-        changed = rates.conj() * (data.products @ (rates * z)) + turn * (quadratic @ z)  # dH z, and H dz below
-        changed = changed + (dz - turn * z) @ quadratic.T
-        pull = rates.conj() * data.weights + turn * weights
-        d_right = np.zeros((len(dq), n_q + n_c))
-        d_right[:, :n_q] = (pull - changed).real - data.inertias * a
-        if n_l:
-            loops = multipliers[:n_l]
-            d_right[:, :n_q] += ((loops @ data.loops) * rates - turn * ((loops @ self._rows) * rates)).real
-            moved = self._loop_tangent(q, z, dq, data) + ((dz * rates) @ self._rows.T).real
-            d_right[:, n_q : n_q + n_l] = -moved
-        d_solution = d_right @ inverse.T
-        return Tangent(a, multipliers, d_solution[:, :n_q], d_solution[:, n_q:])
+    def impact(self, q: Any, u: Any, taking_part: Sequence[str], restitution: Mapping[str, Any]) -> tuple[Dual, Dual]:
+        """Speeds after an impact, and impulses of the loops and of the stops that take part, with their derivatives.
+
+        Args:
+            q, u: the state before, Duals; its derivatives are those on the impact's side.
+            taking_part: stops whose gap speed the impact sets.
+            restitution: of those that rebound, by name.
+        """
+        mass, jacobian = self._dual.mass_matrix(q), self._dual.constraint_jacobian(q, taking_part)
+        e = [0.0] * self.n_loops + [restitution.get(name, 0.0) for name in taking_part]
+        tangents = np.array([_tangents(each, len(self.directions)) for each in e])
+        factors = Dual(np.array([value_of(each) for each in e]), tangents.reshape(len(e), len(self.directions)))
+        return self._solved_dual(q, taking_part, mass, jacobian, mass @ u, -factors * (jacobian @ u))
+
+    def _solved_dual(
+        self, q: Dual, closed: Sequence[str], mass: Any, jacobian: Any, forces: Any, right: Any
+    ) -> tuple[Dual, Dual]:
+        """The solution of M x - G^T lam = f, G x = g by the implicit function theorem."""
+        n_q, m = len(self._angles), q.tangents.shape[-1]
+        rows = self._independent(q.value, closed)
+        inverse = np.linalg.inv(kkt_matrix(value_of(mass), rows @ value_of(jacobian)))
+        solution = inverse @ np.concatenate([value_of(forces), rows @ value_of(right)])
+        x, multipliers = solution[:n_q], rows.T @ solution[n_q:]
+        above = _tangents(forces - mass @ x + jacobian.T @ multipliers, m)
+        below = rows @ _tangents(right - jacobian @ x, m)
+        tangents = inverse @ np.concatenate([above, below])
+        return Dual(x, tangents[:n_q]), Dual(multipliers, rows.T @ tangents[n_q:])
+
+    def _independent(self, q: FloatArray, closed: Sequence[str]) -> FloatArray:
+        """Combinations of the constraints that are independent; they may be taken as constant at one state."""
+        basis = self.basis(q, closed)
+        if basis is None:
+            return np.eye(self.n_loops + len(closed))
+        if stops := undetermined_forces(self, q, closed)[1]:
+            raise UnsupportedProblemError(
+                "the derivative of a motion needs closed stops that are independent of each other; here the forces of "
+                f"{', '.join(stops)} are not unique."
+            )
+        return basis.rows
+
+
+def _tangents(value: Any, m: int) -> FloatArray:
+    return value.tangents if isinstance(value, Dual) else np.zeros((*np.shape(value), m))

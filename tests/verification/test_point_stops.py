@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from mechanisms import G, floor, hanging_bob
 from trebucheck.reference.certification.redundant import solve_redundant
 from trebucheck.reference.solver import solve
-from trebucheck.reference.throw.variational import VariationalEquations
+from trebucheck.reference.throw.tangent import state_tangent
+from trebucheck.reference.throw.variational import VariationalEquations, consistent_direction
 
 LENGTH, MASS = 3.0, 7.0
 
@@ -127,6 +128,16 @@ def test_taylor_meets_the_same_floor(restitution: float) -> None:
     assert solve_taylor(wall).release_times["wall"] == pytest.approx(solve(wall).release_times["wall"], abs=1e-11)
 
 
-def test_sensitivities_say_that_they_do_not_know_points() -> None:
-    with pytest.raises(tb.UnsupportedProblemError, match="stops on angles only, not for wall"):
-        VariationalEquations(ladder(1.0), [{"bodies.rod.mass": 1.0}])
+def test_the_release_s_derivative_follows_from_its_closed_form() -> None:
+    """Of sin a = 2/3 sin a0, by the start angle; with gravity all times go as 1 / sqrt(g)."""
+    lean = 1.0
+    solution = solve(tb.Problem(ladder(lean), duration=1.0))
+    directions = [consistent_direction(ladder(lean), {"start.0": 1.0}), {"gravity": 1.0}]
+    time = solution.release_times["wall"]
+    assert time is not None
+    state = state_tangent(solution, VariationalEquations(ladder(lean), directions), time)
+    shift = state.d_release_times["wall"]
+    angle = math.asin(2 / 3 * math.sin(lean))
+    expected = 2 / 3 * math.cos(lean) / math.cos(angle) * directions[0]["start.0"]
+    assert state.dq[0, 0] + state.u[0] * shift[0] == pytest.approx(expected, abs=1e-9)
+    assert shift[1] == pytest.approx(-time / (2 * G), abs=1e-9)

@@ -346,10 +346,3 @@ def test_directions_that_do_not_fit_are_refused() -> None:
         VariationalEquations(tb.fixed(), [{"bodies.arm.weight": 1.0}])
     with pytest.raises(tb.InputError, match=r"t = 2 s lies outside the solution, which covers 0 to 1 s"):
         state_tangent(solution, VariationalEquations(tb.fixed(), [{"gravity": 1.0}]), 2.0)
-
-
-def test_a_motion_through_an_impact_is_refused() -> None:
-    solution = solve(tb.Problem(tb.fixed(), duration=3.3, stop_law="unilateral"))
-    ((time, _), *_) = solution.impacts
-    with pytest.raises(tb.InputError, match="there is an impact before t"):
-        state_tangent(solution, VariationalEquations(tb.fixed(), [{"gravity": 1.0}]), time + 0.01)
