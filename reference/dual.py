@@ -48,6 +48,11 @@ class Dual(NDArrayOperatorsMixin):
         return self.value.shape
 
     @property
+    def ndim(self) -> int:
+        """Number of the value's axes."""
+        return self.value.ndim
+
+    @property
     def real(self) -> Dual:
         """Real part."""
         return Dual(self.value.real, self.tangents.real)

@@ -28,8 +28,10 @@ import numpy as np
 from ...models.applied_forces import AppliedForces
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, UnsupportedProblemError
-from ...models.kinematics import Kinematics, PointCoefficients, ScalarFunction, initial_state
+from ...models.kinematics import initial_state
 from ...models.mechanism import Mechanism
+from ...models.phasors import Phasors, PointCoefficients
+from ...models.scalar_functions import ScalarFunction
 from ...models.spec import Spec
 from ..dependence import least_step
 from ..dual import Dual, value_of
@@ -73,12 +75,12 @@ def consistent_direction(mechanism: Mechanism, direction: Direction) -> dict[str
     """
     closed = [stop.name for stop in mechanism.stops if stop.closed]
     equations, q = VariationalEquations(mechanism, [direction]), initial_state(mechanism)[0]
-    n_start = len(q)
-    dq = np.array([direction.get(f"start.{i}", 0.0) for i in range(n_start)])
-    residual = equations.residual_tangents(Dual(q, dq[:, None]), closed)[:, 0]
-    rank = equations.rank(q, closed)
-    dq = dq - least_step(equations.constraint_jacobian(q, closed), residual, rank)
-    return dict(direction) | {f"start.{i}": float(value) for i, value in enumerate(dq) if value}
+    dq = equations.along_each("start", len(q))
+    jacobian = equations.constraint_jacobian(q, closed)
+    if len(jacobian):
+        residual = equations.residual_tangents(Dual(q, dq), closed)[:, 0]
+        dq = dq - least_step(jacobian, residual, equations.rank(q, closed))[:, None]
+    return dict(direction) | {f"start.{i}": float(value) for i, value in enumerate(dq[:, 0])}
 
 
 def _with_speeds(mechanism: Mechanism) -> Mechanism:
@@ -188,7 +190,7 @@ def _mapped(function: Callable[..., Any], *values: Any) -> Any:
     if isinstance(first, Spec):
         parts = {name: [getattr(value, name) for value in values] for name in type(first).model_fields}
         return first.model_copy(update={name: _mapped(function, *part) for name, part in parts.items()})
-    if is_dataclass(first) and not isinstance(first, Kinematics):
+    if is_dataclass(first) and not isinstance(first, Phasors):
         parts = {field.name: [getattr(value, field.name) for value in values] for field in fields(first)}
         return replace(cast("Any", first), **{name: _mapped(function, *part) for name, part in parts.items()})
     return first
@@ -254,6 +256,10 @@ class VariationalEquations(Equations):
         """Derivatives of one number, shape (m,)."""
         return np.array([direction.get(path, 0.0) for direction in self.directions])
 
+    def along_each(self, path: str, n: int) -> FloatArray:
+        """Derivatives of the n numbers of one tuple, shape (n, m)."""
+        return np.array([self.along(f"{path}.{i}") for i in range(n)])
+
     def residual_tangents(self, q: Dual, closed: Sequence[str]) -> FloatArray:
         """Derivatives of the loop closures and of the gaps of closed stops, shape (n_constraints, m)."""
         return _tangents(self._dual.residual(q, closed), len(self.directions))
@@ -276,7 +282,7 @@ class VariationalEquations(Equations):
         Raises:
             InputError: a direction would open or penetrate an active stop, or open a loop, at the start.
         """
-        dq, du = (np.array([self.along(f"{name}.{i}") for i in range(len(q))]) for name in ("start", "start_speeds"))
+        dq, du = (self.along_each(name, len(q)) for name in ("start", "start_speeds"))
         start = Dual(q, dq)
         self.refuse_misfits(start, closed, "the start")
         return start, self.impact(start, Dual(u, du), closed, restitution)[0]

@@ -34,9 +34,9 @@ def derivatives(mechanism: Mechanism, directions: list[Direction], t: float, law
     return state_tangent(solution, VariationalEquations(mechanism, directions), t)
 
 
-def random_direction(mechanism: Mechanism, seed: int, least: float) -> Direction:
+def random_direction(mechanism: Mechanism, least: float) -> Direction:
     """All numbers at once, each by some part of itself, or of `least` if that is more; unit vectors turn."""
-    random, known = np.random.default_rng(seed), numbers(mechanism)
+    random, known = np.random.default_rng(0), numbers(mechanism)
     direction: Direction = {}
     for name, value in known.items():
         part = float(random.uniform(-1, 1))
@@ -76,9 +76,9 @@ def _of_length_one(part: Any, field: str) -> Any:
     return part.model_copy(update={field: (x / math.hypot(x, y), y / math.hypot(x, y))})
 
 
-def assert_differences_agree(mechanism: Mechanism, t: float, law: StopLaw, seed: int = 0, least: float = 0.1) -> None:
+def assert_differences_agree(mechanism: Mechanism, t: float, law: StopLaw, least: float = 0.1) -> None:
     """State and times of releases and impacts along one random direction of all numbers."""
-    direction = random_direction(mechanism, seed, least)
+    direction = random_direction(mechanism, least)
     found = derivatives(mechanism, [direction], t, law)
     releases = [name for name, values in found.d_release_times.items() if np.isfinite(values).all()]
     exact = np.concatenate(
@@ -102,14 +102,13 @@ def assert_differences_agree(mechanism: Mechanism, t: float, law: StopLaw, seed:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 1])
-def test_every_element_against_differences(seed: int) -> None:
-    assert_differences_agree(everything(), 0.4, StopLaw.UNILATERAL, seed)
+def test_every_element_against_differences() -> None:
+    assert_differences_agree(everything(), 0.4, StopLaw.UNILATERAL)
 
 
-# Trees and loops with springs, dampers, motors; among their motions are releases, impacts, and stops that stay closed.
+# Trees and loops with springs, dampers and motors; number 16 meets stops.
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 2, 5])
+@pytest.mark.parametrize("seed", [0, 5, 16])
 def test_random_mechanisms_against_differences(seed: int) -> None:
     assert_differences_agree(random_mechanism(seed), 0.5, StopLaw.UNILATERAL)
 
