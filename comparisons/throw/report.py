@@ -43,12 +43,13 @@ def document(performance: Performance, throw: Throw) -> Document:
         f"Computed by the Lagrangian reference. Positions are measured from where the {origin_name(throw.mechanism)} "
         "stands at the start; SI units."
     )
+    forces = plots.forces(performance)
     blocks = (
         *_first_screen(performance, throw),
         Note(measured),
         *(Text(sentence(warning), "warning", medium="page") for warning in throw.warnings),
         table("|", _rows(throw), title),
-        Figure(plots.forces(performance), "Forces", _FORCES, "forces", columns=2),
+        *((Figure(forces, "Forces", _FORCES, "forces", columns=2),) if forces else ()),
         table(_SENSITIVITIES, throw.sensitivities, _DERIVATIVES),
         Note(f"trebucheck {__version__}."),
         mechanism_as_data(throw.mechanism.name, throw.mechanism),

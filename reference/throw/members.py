@@ -75,7 +75,8 @@ def members(mechanism: Mechanism) -> tuple[Member, ...]:
     """Massless rods and other bodies whose parent is not the ground; a centre on its joint defines no axis."""
     selected: list[Member] = []
     for body, joint in zip(mechanism.bodies, mechanism.tree_joints, strict=True):
-        if body.centre != joint.child_point and (body.inertia == 0 or joint.parent != GROUND):
+        rod = body.inertia == 0 or joint.parent != GROUND
+        if joint.held_directions and body.centre != joint.child_point and rod:
             selected.append(Member(body, joint, _is_two_force(mechanism, body, joint)))
     return tuple(selected)
 
@@ -83,7 +84,10 @@ def members(mechanism: Mechanism) -> tuple[Member, ...]:
 def _is_two_force(mechanism: Mechanism, body: Body, own: AnyJoint) -> bool:
     others = [j.parent_point for j in mechanism.joints if j.parent == body.name]
     others += [j.child_point for j in mechanism.joints if j.child == body.name and j.name != own.name]
-    return body.inertia == 0 and all(point in (own.child_point, body.centre) for point in others)
+    held = any(joint.holds_angle for joint in mechanism.joints if body.name in (joint.parent, joint.child))
+    pulled = any(body.name in element.bodies for element in mechanism.force_elements)
+    ends = own.child_point, body.centre
+    return body.inertia == 0 and not held and not pulled and all(point in ends for point in others)
 
 
 def axial_force(solution: Solution, member: Member, t: FloatArray) -> FloatArray:
@@ -125,8 +129,8 @@ def _member_force(solution: Solution, member: Member, times: FloatArray) -> Memb
 
 
 def supports(mechanism: Mechanism) -> tuple[AnyJoint, ...]:
-    """Joints on the ground."""
-    return tuple(joint for joint in mechanism.joints if joint.parent == GROUND)
+    """Joints on the ground that hold something there: not those of free bodies."""
+    return tuple(joint for joint in mechanism.joints if joint.parent == GROUND and joint.held_directions)
 
 
 def carries(joint: AnyJoint) -> bool:

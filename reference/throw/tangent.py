@@ -22,6 +22,7 @@ from ...models.errors import InputError, UnsupportedProblemError
 from ...models.kinematics import initial_state
 from ..dual import Dual, value_of
 from ..integrator import Integrator, one_thread
+from ..reactions import undetermined_forces
 from ..solution import Segment, Solution
 from .variational import VariationalEquations
 
@@ -170,6 +171,8 @@ class _Along:
         """Implicit function theorem on torque(t, p) = 0: dt = -(d torque) / (torque's rate)."""
         for k, name in enumerate(segment.closed, start=self.equations.n_loops):
             if self.solution.release_times[name] == segment.end and name not in self._impulses(segment.end):
+                if name in undetermined_forces(self.equations, q.value, segment.closed)[1]:
+                    raise _not_smooth(segment.end, f"{name} opens, and its force is not unique")
                 torques = self.equations.accelerations(q, u, segment.closed)[1].tangents[k]
                 self.releases[name] = -torques / self.equations.rates(q.value, u.value, segment.closed)[1][k]
 

@@ -243,8 +243,8 @@ def _surroundings(projectile: Projectile, air: Air, height: float) -> Surroundin
 
 
 def origin(mechanism: Mechanism) -> AnyJoint:
-    """The joint that places are measured from: the fulcrum, or what else on the ground carries the machine."""
-    on_ground = supports(mechanism)
+    """The joint that places are measured from: the fulcrum, what else on the ground carries it, or a free body's."""
+    on_ground = supports(mechanism) or mechanism.tree_joints
     return next((joint for joint in on_ground if carries(joint)), on_ground[0])
 
 

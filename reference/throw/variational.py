@@ -27,7 +27,7 @@ import numpy as np
 
 from ...models.applied_forces import AppliedForces
 from ...models.arrays import FloatArray
-from ...models.errors import InputError, UnsupportedProblemError
+from ...models.errors import InputError
 from ...models.kinematics import initial_state
 from ...models.mechanism import Mechanism
 from ...models.phasors import Phasors, PointCoefficients
@@ -36,7 +36,6 @@ from ...models.spec import Spec
 from ..dependence import least_step
 from ..dual import Dual, value_of
 from ..equations import Equations, kkt_matrix
-from ..reactions import undetermined_forces
 
 Direction = Mapping[str, float]
 
@@ -297,11 +296,7 @@ class VariationalEquations(Equations):
             )
 
     def accelerations(self, q: Dual, u: Dual, closed: Sequence[str]) -> tuple[Dual, Dual]:
-        """Accelerations and multipliers of a state, with their derivatives.
-
-        Raises:
-            UnsupportedProblemError: the force of a closed stop is not unique.
-        """
+        """Accelerations and multipliers of a state, with their derivatives; of multipliers where they are unique."""
         return self._accelerations(self._dual, q, u, closed)
 
     def rates(self, q: FloatArray, u: FloatArray, closed: Sequence[str]) -> tuple[FloatArray, FloatArray]:
@@ -344,14 +339,7 @@ class VariationalEquations(Equations):
     def _independent(self, q: FloatArray, closed: Sequence[str]) -> FloatArray:
         """Combinations of the constraints that are independent; they may be taken as constant at one state."""
         basis = self.basis(q, closed)
-        if basis is None:
-            return np.eye(self.n_loops + len(closed))
-        if stops := undetermined_forces(self, q, closed)[1]:
-            raise UnsupportedProblemError(
-                "the derivative of a motion needs closed stops that are independent of each other; here the forces of "
-                f"{', '.join(stops)} are not unique."
-            )
-        return basis.rows
+        return np.eye(self.n_loops + len(closed)) if basis is None else basis.rows
 
 
 def _tangents(value: Any, m: int) -> FloatArray:

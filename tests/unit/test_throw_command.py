@@ -164,3 +164,24 @@ def test_an_arm_that_goes_through_its_stop_is_told_of() -> None:
     late = throw(tb.fixed(), release_angle=math.radians(-80))
     assert any("'arm stop'" in warning for warning in late.warnings)
     assert not any("'arm stop'" in warning for warning in throw(tb.fixed()).warnings)
+
+
+def test_a_free_body_is_thrown(tmp_path: Path) -> None:
+    """Nothing holds it: its centre comes down where it would have without a release; no members, no supports."""
+    speed, ends = (6.0, 9.0), {"inertia": 0.4, "mass": 2.0, "centre": (0.0, 0.0)}
+    hull = tb.Mechanism(
+        name="hull",
+        bodies=(tb.Body(name="hull", angle="turn", **ends),),
+        joints=(tb.FreeJoint(name="sea", child="hull", child_point=(1, 0), coordinates=("x", "y")),),
+        markers=(tb.Marker(name="projectile", body="hull", point=(0, 0), mass=0.5),),
+        gravity=9.81,
+        start=(0.0, 0.0, 0.0),
+        start_speeds=(0.0, *speed),
+    )
+    found = throw(hull, release_time=0.2)
+    # It starts 1 m behind the joint's point, from which places are measured, at the height of the landing.
+    assert found.flight.range == pytest.approx(2 * speed[0] * speed[1] / 9.81 - 1, rel=1e-11)
+    assert found.members == found.supports == ()
+    path = tmp_path / "hull.json"
+    path.write_text(hull.to_json())
+    assert main(["throw", "--model", str(path), "--release-time", "0.2", "--out", str(tmp_path)]) == 0
