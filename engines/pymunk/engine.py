@@ -27,7 +27,8 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
     rail, a trough) hangs on a PinJoint across it, whose anchor moves along; a stop that releases is removed. Springs
     are Chipmunk's own; its dampers would be of first order, so dampers are forces, as constant ones are. At an impact
     the speeds change by Chipmunk's own impulses, and a new leapfrog starts. The step is shortened a little where a
-    whole number of them would not make the duration.
+    whole number of them would not make the duration. With lengths held, `iterations` is the least number of passes:
+    loops that are rigid or nearly singular get as many as they need.
     """
 
     name: ClassVar[str] = "pymunk"

@@ -36,6 +36,10 @@ _FIRST_PASSES, _ROUNDS = 500, 12
 _SETTLED = 5e-14  # change of the velocities in a round: some 200 roundings, the noise that remains
 _ENOUGH = 1e-11  # a tenth of the tolerance to which models are compared; rounding errors add up over the passes
 
+MOST_PASSES = 20_000  # in a step of loops that need more than the option says
+_ROUNDING = 1e-12  # of the reach: error of impulses where there are none
+_TRACKED = 1e-3  # of the change in a step: error of the impulses that is let be
+
 
 class Stepper:
     """Moves an assembly step by step and keeps its states.
@@ -231,6 +235,27 @@ def settled_increment(assembly: Assembly) -> FloatArray:
         )
     assembly.rates = before
     return increment
+
+
+def passes_needed(assembly: Assembly, least: int) -> int:
+    """Passes after which impulses from nothing are those of twice as many and more, to `_TRACKED`; at least so many.
+
+    A step starts with the impulses of the last one. What it is to find is their change, so a run's error is that small
+    a part of a change in a step.
+    """
+    before, places, passes = assembly.rates, _places(assembly), least
+    rounding = _ROUNDING * max(abs(complex(*position)) for position, _ in places) / STEP
+    _step_to(assembly, places, before, STEP, least)
+    increment, taken = assembly.rates - before, least
+    while taken < MOST_PASSES:
+        passes *= 2
+        _step_to(assembly, places, before, STEP, passes)
+        last, increment = increment, assembly.rates - before
+        if np.abs(increment - last).max() <= max(_TRACKED * np.abs(increment).max(), rounding):
+            break
+        taken += passes
+    assembly.rates = before
+    return min(taken, MOST_PASSES)
 
 
 def _places(assembly: Assembly) -> list[_Place]:

@@ -14,12 +14,14 @@ from ...models.mechanism import Mechanism
 from ..contact_events import Contacts, active_contacts
 from ..protocol import Recording
 from .build import build
-from .leapfrog import Stepper
+from .leapfrog import MOST_PASSES, Stepper, passes_needed
 from .options import PymunkOptions
 from .reactions import forces_of, mass_matrix
 from .read import Reading, as_vectors
 
 _TRIAL_ITERATIONS = 5_000  # which stops push depends on the mechanism, not on the preset
+_CHECKED = 64  # steps between two looks at how many passes loops need
+_LOOSE = 1e-4  # of the reach: error of a loop that is not closed
 _ROUNDING = 1e-9  # of the largest torque: error of a torque that is zero
 _NEAR = 4.0  # a stop's torque is computed when its impulse is less than so many of its changes in a step
 
@@ -83,15 +85,55 @@ class Segment:
     def begin(self) -> None:
         """The first sample, and without the leapfrog the first step."""
         stepper = self.stepper
-        stepper.start(self.options.start_iterations, self.options.leapfrog)
+        passes = self._passes(*initial_state(self.assembly.mechanism))
+        stepper.start(max(self.options.start_iterations, passes), self.options.leapfrog)
         if not self.options.leapfrog:
             # The first step has no impulses to start from; a leapfrog has found them at the start.
             stepper.run(1, self.options.start_iterations)
             self._release_before_next(1)
 
     def advance(self, last: int) -> None:
-        """Step to a sample."""
-        stepper, iterations = self.stepper, self.options.iterations
+        """Step to a sample.
+
+        Raises:
+            SimulationError: loops are so nearly rigid or singular that their impulses do not converge.
+        """
+        while self._checks_loops and self.stepper.steps < last:
+            first, end = self.stepper.steps, min(last, self.stepper.steps + _CHECKED)
+            (q, *_), (u, *_) = self.reading(first, first).coordinates()
+            passes = self._passes(q, u)
+            self._advance(end, passes)
+            if passes >= MOST_PASSES:
+                self._refuse_open_loops(end)
+        self._advance(last, self.options.iterations)
+
+    @property
+    def _checks_loops(self) -> bool:
+        """Whether a step is to have as many passes as its loops need: where joints are to keep their lengths."""
+        return self.options.hold_lengths and bool(self.assembly.mechanism.loop_joints)
+
+    def _passes(self, q: FloatArray, u: FloatArray) -> int:
+        """Passes that a step from a state needs, shapes (n_q,)."""
+        least, mechanism = self.options.iterations, self.assembly.mechanism
+        if not (self._checks_loops and np.isfinite([q, u]).all()):
+            return least
+        # Not validated: stops keep the word on whether they are closed at the start, which decides on the bodies.
+        there = mechanism.model_copy(update={"start": tuple(q.tolist()), "start_speeds": tuple(u.tolist())})
+        return passes_needed(build(there, tuple(self.assembly.stops), 0.0, self.options.pivot_mass), least)
+
+    def _refuse_open_loops(self, k: int) -> None:
+        mechanism = self.assembly.mechanism
+        gaps = self.reading(k, k).gaps()
+        for joint in mechanism.loop_joints:
+            if not gaps[joint.name][0] <= _LOOSE * _reach(mechanism):
+                raise SimulationError(
+                    f"pymunk's impulses on the loop that {joint.name!r} closes do not converge in {MOST_PASSES} passes "
+                    f"at t = {self.times()[k]:.6g} s: it is rigid or nearly singular there; its points are "
+                    f"{gaps[joint.name][0]:.2g} m apart."
+                )
+
+    def _advance(self, last: int, iterations: int) -> None:
+        stepper = self.stepper
         while self.assembly.stops and stepper.steps < last:
             stepper.run(1, iterations)
             self._release_before_next(stepper.steps)
@@ -175,10 +217,7 @@ class Segment:
 
 def _refuse_lost_joints(mechanism: Mechanism, gaps: Mapping[str, FloatArray], t: FloatArray) -> None:
     """Impulses that do not converge can separate the bodies although all numbers stay finite."""
-    joints = [point for joint in mechanism.joints for point in (joint.parent_point, joint.child_point)]
-    reach = sum(math.hypot(*point) for point in (*joints, *(body.centre for body in mechanism.bodies)))
-    # A rotor on its axle has no length but its radius of gyration.
-    reach += sum(math.sqrt(body.inertia / body.mass) for body in mechanism.bodies)
+    reach = _reach(mechanism)
     for name, gap in gaps.items():
         lost = np.flatnonzero(~(gap <= reach))
         if len(lost):
@@ -186,6 +225,14 @@ def _refuse_lost_joints(mechanism: Mechanism, gaps: Mapping[str, FloatArray], t:
                 f"pymunk lost the joint {name!r}: its points are {gap[lost[0]]:.3g} m apart at t = {t[lost[0]]:.6g} s; "
                 f"a shorter timestep or more iterations may help."
             )
+
+
+def _reach(mechanism: Mechanism) -> float:
+    """Sum of all lengths [m]."""
+    joints = [point for joint in mechanism.joints for point in (joint.parent_point, joint.child_point)]
+    reach = sum(math.hypot(*point) for point in (*joints, *(body.centre for body in mechanism.bodies)))
+    # A rotor on its axle has no length but its radius of gyration.
+    return reach + sum(math.sqrt(body.inertia / body.mass) for body in mechanism.bodies)
 
 
 def _foreseen(torque: FloatArray) -> float | None:
