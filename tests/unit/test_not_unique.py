@@ -57,12 +57,12 @@ def _measured(mechanism: Mechanism, release: float | None) -> Metric | None:
     return next((m for m in measure(found, solution, END) if m.name == "release_time"), None)
 
 
-@pytest.mark.parametrize(("mechanism", "why"), [(_triangle(), "redundant"), (_rotor(), "nothing presses")])
-def test_a_release_that_changes_no_motion_is_not_judged(mechanism: Mechanism, why: str) -> None:
+@pytest.mark.parametrize("mechanism", [_triangle(), _rotor()], ids=lambda mechanism: mechanism.name)
+def test_a_release_that_changes_no_motion_is_not_judged(mechanism: Mechanism) -> None:
     metric = _measured(mechanism, 0.0)
     assert metric is not None
     assert not metric.observed
-    assert why in str(metric.note)
+    assert "not unique" in str(metric.note)
 
 
 def test_a_release_is_judged_where_something_presses() -> None:
