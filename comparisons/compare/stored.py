@@ -11,7 +11,7 @@ from ...models.files import read_bytes
 from ...models.problem import Problem
 from ...models.trajectory import load
 from ...reference.solver import solve
-from ..runs.results import FORMAT, Results
+from ..runs.results import COMPARED, FORMAT, Results
 from ..runs.store import Store
 from .study import Comparison
 
@@ -49,6 +49,10 @@ def read_results(path: str | Path) -> Results:
     twice = [name for name, number in runs.items() if number > 1]
     if twice:
         raise InputError(f"{path}: the run {', '.join(twice[0])} is there twice; once is needed.")
+    known = {machine.model for machine in results.machines}
+    unknown = [run.model for run in results.runs if run.outcome in COMPARED and run.model not in known]
+    if unknown:
+        raise InputError(f"{path}: there are runs of {unknown[0]!r}, which is not among the machines.")
     return results
 
 

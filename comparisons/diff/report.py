@@ -215,7 +215,7 @@ def _verdict(change: QuantityChange) -> Cell:
 
 def _judged(metric: Metric | None) -> str:
     if metric is None:
-        return "gone"
+        return "not there"
     return "not judged" if metric.holds is None else "holds" if metric.holds else "breaks"
 
 

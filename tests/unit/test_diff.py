@@ -338,6 +338,7 @@ def _no_outcome(data: dict[str, Any]) -> Any:
         (lambda _: [1, 2], "no format"),
         (lambda _: {"a": 1}, "no format"),
         (_twice, "pendulum, reference, tuned is there twice|pendulum, pymunk, tuned is there twice"),
+        (lambda data: {**data, "machines": []}, "'pendulum', which is not among the machines"),
         (_no_outcome, r"runs.0.outcome = 'splendid'"),
         (lambda data: {k: v for k, v in data.items() if k != "runs"}, "runs is missing"),
         (None, "is not JSON"),
