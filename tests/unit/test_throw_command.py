@@ -108,7 +108,7 @@ def test_a_page_that_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Mo
     def broken(_: object) -> None:
         raise RuntimeError("no picture")
 
-    monkeypatch.setattr(throw_figures, "force_figure", broken)
+    monkeypatch.setattr(throw_figures, "forces", broken)
     with pytest.raises(RuntimeError, match="no picture"):
         main(["throw", "--out", str(tmp_path / "out")])
     assert not (tmp_path / "out").exists()
