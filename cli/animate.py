@@ -66,9 +66,11 @@ def animate_command(
     """
     from ..comparisons.runs.runner import Worker
     from ..comparisons.runs.study import Study, one_end
-    from ..models.drawing.animation import Animation, refuse_other_endings
+    from ..models.drawing.animation import Animation, refuse_other_files
+    from ..models.drawing.scene import refuse_magnification
 
-    refuse_other_endings(out)
+    refuse_other_files(out, width)
+    refuse_magnification(magnify)
     end = one_end(duration, until)
     with Worker(options.positive(timeout, "--timeout")) as worker:
         if trajectories is not None:

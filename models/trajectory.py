@@ -7,8 +7,9 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 
 import numpy as np
 
@@ -25,6 +26,18 @@ if TYPE_CHECKING:
 FORMAT = "trebucheck-trajectory-1"
 
 _T = TypeVar("_T")
+
+
+class Playable(Protocol):
+    """An animation (:class:`.drawing.animation.Animation`)."""
+
+    def to_html(self) -> str:
+        """A page of its own."""
+        ...
+
+    def save(self, path: str | Path, width: int = 640) -> None:
+        """Write a .gif, .mp4, .svg or .html, by its ending; the width is that of a picture [px]."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -183,6 +196,18 @@ class Trajectory:
             "provenance": json.dumps(asdict(self.provenance)),
             "impacts": json.dumps([[time, dict(impulses)] for time, impulses in self.impacts]),
         }
+
+    def animate(self, *others: Trajectory) -> Playable:
+        """The motion, to be played in a notebook and saved as GIF, MP4, SVG or page.
+
+        Args:
+            others: of the same mechanism; drawn over this one, with their deviations from it magnified.
+
+        Raises:
+            InputError: another one is of another mechanism.
+        """
+        # Drawings are made of mechanisms, so they stand above this module and are loaded when asked for.
+        return import_module(".drawing.animation", __package__).animation_of(self, others)
 
     def launch(self, angle: float | None = None, marker: str = "projectile") -> Launch | None:
         """When the marker's velocity first comes down to the launch angle; None if it does not.

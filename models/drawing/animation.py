@@ -24,24 +24,29 @@ from ..arrays import FloatArray
 from ..errors import InputError
 from ..files import refuse_unwritable, write_text
 from ..joints import FreeJoint
+from ..trajectory import Trajectory
 from .events import Event
-from .scene import RunMotion, Scene
+from .scene import RunLook, RunMotion, Scene, scene
 from .shapes import MOVING, Drawing, Shape
 from .video import WRITERS, refuse_missing, save
 
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe and Ito's
+_NARROWEST, _WIDEST = 100, 4000  # [px]
 _DIGITS = 9  # of coefficients and sizes: more than a float32 has
 
 
-def refuse_other_endings(path: Path) -> None:
+def refuse_other_files(path: Path, width: int) -> None:
     """Refuse, before anything is computed, a file that no animation can be written to.
 
     Raises:
-        InputError: its ending is not known, or what it needs is not installed.
+        InputError: its ending is not known, what it needs is not installed, or the picture's width [px] is not valid.
         UnwritableError: its folder cannot be written to.
     """
     ending = path.suffix.lower()
     if ending not in (*WRITERS, ".html"):
         raise InputError(f"{str(path)!r} must end in one of: {', '.join(WRITERS)}, .html.")
+    if not _NARROWEST <= width <= _WIDEST:
+        raise InputError(f"width = {width!r} px must be between {_NARROWEST} and {_WIDEST}.")
     refuse_missing(ending)
     refuse_unwritable(path.parent, path.name)
 
@@ -70,11 +75,12 @@ class Animation:
             width: of the picture [px].
 
         Raises:
-            InputError: the ending is not known, what it needs is not installed, or there are several mechanisms.
+            InputError: the ending is not known, what it needs is not installed, the width is not valid, or there are
+                several mechanisms.
             UnwritableError: the folder cannot be written to.
         """
         path = Path(path)
-        refuse_other_endings(path)
+        refuse_other_files(path, width)
         if path.suffix.lower() == ".html":
             write_text(path, self.to_html())
             return
@@ -83,7 +89,7 @@ class Animation:
         save(self.scenes[0], path, width=width)
 
     def __repr__(self) -> str:
-        names = ", ".join(f"{scene.name} ({len(scene.runs)} runs)" for scene in self.scenes)
+        names = ", ".join(f"{each.name} ({len(each.runs)} runs)" for each in self.scenes)
         return f"Animation of {names}"
 
     def _repr_html_(self) -> str:
@@ -95,9 +101,24 @@ class Animation:
     def _data(self) -> Markup:
         """As JSON that may stand in a script element."""
         if "data" not in self._cache:
-            text = json.dumps([scene_data(scene) for scene in self.scenes], separators=(",", ":"), allow_nan=False)
+            text = json.dumps([scene_data(each) for each in self.scenes], separators=(",", ":"), allow_nan=False)
             self._cache["data"] = text.replace("<", "\\u003c")
         return Markup(self._cache["data"])
+
+
+def animation_of(reference: Trajectory, others: Sequence[Trajectory] = ()) -> Animation:
+    """A trajectory in motion, with others of the same mechanism over it.
+
+    Raises:
+        InputError: another one is of another mechanism.
+    """
+    looks: dict[str, RunLook] = {}
+    for k, other in enumerate(others):
+        label = f"{other.provenance.engine} {other.provenance.preset}"
+        label = f"{label} ({k + 1})" if label in looks else label
+        looks[label] = RunLook(other, _COLOURS[k % len(_COLOURS)], other.provenance.preset != "tuned")
+    shown = scene(reference, looks)
+    return Animation((shown,), f"{shown.mechanism_title}: the motion")
 
 
 @cache
@@ -114,18 +135,19 @@ def _template(name: str) -> Any:
     return environment.from_string(files(__package__ or "").joinpath("assets", name).read_text(encoding="utf-8"))
 
 
-def scene_data(scene: Scene) -> dict[str, Any]:
+def scene_data(shown: Scene) -> dict[str, Any]:
     """What the script draws a scene from; arrays in base64, little-endian, by frame."""
-    drawing, reference = scene.drawing, scene.reference
+    drawing, reference = shown.drawing, shown.reference
     kinematics = drawing.kinematics
     stops = [name for name in drawing.stops if name in reference.stop_torques]
-    joints = [j.name for j in drawing.mechanism.joints if _shows_force(scene, j.name) and not isinstance(j, FreeJoint)]
+    joints = [j.name for j in drawing.mechanism.joints if _shows_force(shown, j.name) and not isinstance(j, FreeJoint)]
     torques = [reference.stop_torque(name)[:, None] for name in stops]
     return {
-        "name": scene.name,
-        "notes": scene.notes,
-        "t": _packed(scene.t, "<f8"),
+        "name": shown.name,
+        "notes": shown.notes,
+        "t": _packed(shown.t, "<f8"),
         "q": _packed(reference.q),
+        "u": _packed(reference.u),
         "width": len(drawing.mechanism.coordinates),
         "angles": int(kinematics.is_angle.sum()),
         "carried": kinematics.carried,
@@ -139,15 +161,15 @@ def scene_data(scene: Scene) -> dict[str, Any]:
         "torques": _packed(np.hstack(torques)) if torques else "",
         "joints": [[name, drawing.joints[name]] for name in joints],
         "forces": _packed(np.hstack([reference.joint_reaction(name) for name in joints])) if joints else "",
-        "runs": [_run(run) for run in scene.runs],
-        "events": [_event(event) for event in scene.events],
-        "magnification": math.log10(scene.magnification),
+        "runs": [_run(run) for run in shown.runs],
+        "events": [_event(event) for event in shown.events],
+        "magnification": math.log10(shown.magnification),
         "down": drawing.mechanism.gravity_direction,
     }
 
 
-def _shows_force(scene: Scene, joint: str) -> bool:
-    forces = scene.reference.joint_reactions.get(joint)
+def _shows_force(shown: Scene, joint: str) -> bool:
+    forces = shown.reference.joint_reactions.get(joint)
     return forces is not None and bool(np.isfinite(forces).all()) and bool(np.any(forces))
 
 

@@ -38,7 +38,7 @@ class _Parts:
         """A body, by what is known of it."""
         centre = complex(*body.centre)
         points = distinct(self.sketch.outlines[body.name], centre, self.sketch.size)
-        if body.inertia == 0 or (not points and self._touches(body, centre)):
+        if body.inertia == 0 or (not points and self._shows_no_turn(body, centre)):
             self._point_mass(body, points, centre)
         elif not points:
             self._wheel(body, centre)
@@ -49,10 +49,11 @@ class _Parts:
         else:
             self._plate(body, points, centre)
 
-    def _touches(self, body: Body, centre: complex) -> bool:
-        """Whether a stop holds its centre of mass: then a disc would be drawn through the wall."""
-        stops = self.sketch.mechanism.point_stops
-        return any(stop.body == body.name and complex(*stop.point) == centre for stop in stops)
+    def _shows_no_turn(self, body: Body, centre: complex) -> bool:
+        """Whether a disc would say little: its joint holds its angle, or a stop its centre, and a wall crosses it."""
+        mechanism = self.sketch.mechanism
+        stops = (stop for stop in mechanism.point_stops if stop.body == body.name)
+        return mechanism.joint_of(body.name).holds_angle or any(complex(*stop.point) == centre for stop in stops)
 
     def _point_mass(self, body: Body, points: list[complex], centre: complex) -> None:
         """A mass on ropes or light links."""

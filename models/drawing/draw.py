@@ -12,6 +12,7 @@ from .sketch import Sketch
 from .symbols import add_force_element, add_joint, add_stop
 
 _MARGIN = 0.03  # around the motion, in parts of its size
+_BESIDE = 0.1  # of the size, by which stops widen the view at most
 
 
 def draw(mechanism: Mechanism, q: FloatArray | None = None) -> Drawing:
@@ -42,14 +43,23 @@ def draw(mechanism: Mechanism, q: FloatArray | None = None) -> Drawing:
 
 
 def _box(sketch: Sketch, shapes: tuple[Shape, ...]) -> Box:
-    """Around all that is drawn, during the whole motion."""
+    """Around all that is drawn, during the whole motion; of stops only what is not far beside the rest."""
     xy = sketch.positions()
-    low, high = xy.min(axis=0), xy.max(axis=0)
+    least, most = xy.min(axis=0), xy.max(axis=0)
+    low, high = _around([shape for shape in shapes if shape.role != "stop"], least, most)
+    if any(shape.role == "stop" for shape in shapes):
+        beside = _around([shape for shape in shapes if shape.role == "stop"], least, most)
+        low = np.maximum(np.minimum(low, beside[0]), low - _BESIDE * sketch.size)
+        high = np.minimum(np.maximum(high, beside[1]), high + _BESIDE * sketch.size)
+    margin = _MARGIN * sketch.size
+    return float(low[0] - margin), float(low[1] - margin), float(high[0] + margin), float(high[1] + margin)
+
+
+def _around(shapes: list[Shape], least: FloatArray, most: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Corners of the box around shapes, from the least and greatest positions of the points."""
     drawn = [(i, _reach(shape)) for shape in shapes for i in shape.points[: _ENDS.get(shape.kind)]]
-    indices, reach = [i for i, _ in drawn], np.array([[r] for _, r in drawn]) + _MARGIN * sketch.size
-    x0, y0 = (low[indices] - reach).min(axis=0)
-    x1, y1 = (high[indices] + reach).max(axis=0)
-    return float(x0), float(y0), float(x1), float(y1)
+    indices, reach = [i for i, _ in drawn], np.array([[r] for _, r in drawn])
+    return (least[indices] - reach).min(axis=0), (most[indices] + reach).max(axis=0)
 
 
 _ENDS = {"disc": 1, "spiral": 1, "wheel": 1, "turn": 1}

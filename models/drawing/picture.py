@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import ComplexArray, FloatArray
+from ..arrays import ComplexArray
 from .paths import polylines
 from .scene import RunMotion, Scene
 from .shapes import MOVING, Role, Shape
@@ -103,7 +103,7 @@ class Picture:
         """All marks of an instant [s]."""
         marks: list[Mark] = [*(self.traces(time) if traces else ()), *self.reference(time)]
         for k, run in enumerate(self.scene.runs):
-            marks += self.run(run, time, self._thinner(k, 1.6, 4.4))
+            marks += self.run(run, time, self._thinner(k))
         marks += self.names(time) if names else ()
         return [*marks, *self.legend(f"t = {time:.{self._places}f} s")]
 
@@ -111,19 +111,9 @@ class Picture:
     def _places(self) -> int:
         return min(max(3 - math.floor(math.log10(self.scene.t[-1])), 0), 6)
 
-    def _at(self, values: FloatArray, time: float) -> FloatArray:
-        """By frame, at an instant between two of them."""
-        return np.array([[np.interp(time, self.scene.t, column) for column in values.T]])
-
     def points(self, time: float, run: RunMotion | None = None) -> ComplexArray:
         """Positions of all points [m], of a run with its deviations magnified."""
-        drawing, q = self.scene.drawing, self._at(self.scene.reference.q, time)
-        xy = drawing.positions(q)[0]
-        if run is not None:
-            shift = drawing.deviations(q, self._at(run.d, time))[0]
-            for name, aside in run.aside.items():
-                shift[drawing.markers[name]] += self._at(aside, time)[0]
-            xy = xy + self.magnification * shift
+        xy = self.scene.at(np.array([time]), run, self.magnification)[0]
         return xy[:, 0] + 1j * xy[:, 1]
 
     def reference(self, time: float, opacity: float = 1.0) -> Iterator[Mark]:
@@ -152,15 +142,14 @@ class Picture:
                     else:
                         yield Stroke(self._px(own), run.colour, width, radius=radius, dashed=run.dashed)
 
-    def _thinner(self, k: int, least: float, most: float) -> float:
+    def _thinner(self, k: int) -> float:
         """Lines of later runs are thinner, so that of lines that coincide each is seen."""
-        last = len(self.scene.runs) - 1
-        return most - (most - least) * k / last if last else least
+        return 1.6 + 1.1 * min(len(self.scene.runs) - 1 - k, 7)
 
     def traces(self, time: float) -> Iterator[Stroke]:
         """Paths of the markers up to an instant."""
         for run in (None, *self.scene.runs):
-            paths = self._paths[run.name if run else None][self.scene.t <= time]
+            paths = self._paths[run.name if run else None][self.scene.fine <= time]
             here = self.points(time, run)[self._marked]
             for whole in np.vstack([paths, here[None]]).T:
                 path = whole[np.isfinite(whole)]
@@ -175,18 +164,22 @@ class Picture:
     @cached_property
     def _paths(self) -> dict[str | None, ComplexArray]:
         """Positions of the marked points in all frames [m], by run; of the reference by None."""
-        base = self.scene.points[:, self._marked]
-        paths = {None: base} | {
-            run.name: base + self.magnification * self.scene.deviation(run)[:, self._marked] for run in self.scene.runs
+        paths = {
+            run.name if run else None: self.scene.at(self.scene.fine, run, self.magnification)[:, self._marked]
+            for run in (None, *self.scene.runs)
         }
         return {name: path[..., 0] + 1j * path[..., 1] for name, path in paths.items()}
 
     def names(self, time: float) -> Iterator[Label]:
-        """Of the markers, beside them."""
+        """Of the markers, beside them and below each other."""
         z = self._px(self.points(time))
+        taken: list[complex] = []
         for name, index in self.scene.drawing.markers.items():
-            x = min(float(z[index].real) + 9, self.width - 7.0 * len(name))
-            yield Label(x, float(z[index].imag) - 8, name)
+            at = complex(min(float(z[index].real) + 9, self.width - 7.0 * len(name)), float(z[index].imag) - 8)
+            while any(abs((at - other).real) < 90 and abs((at - other).imag) < 13 for other in taken):
+                at += 14j
+            taken.append(at)
+            yield Label(at.real, at.imag, name)
 
     # --- Legend -----------------------------------------------------------------------------------------------------
 

@@ -22,11 +22,14 @@ from .draw import draw
 from .events import Event, events_of
 from .shapes import Drawing
 
-_FRAMES, _FEWEST = 220, 100
-_NUMBERS = 10_000  # of all frames together; a mechanism of many bodies has fewer frames
+_FRAMES, _FEWEST = 180, 90
+_NUMBERS = 8_000  # of all frames together; a mechanism of many bodies has fewer frames
 _NEAR = 0.015  # parts of the end: about an event the frames are closer
 _MOST_EVENTS = 12  # about which they are
+_FRAMED = 60  # that have frames of their own
+_BEFORE = 1e-7  # parts of the end
 _SAME = 1e-3  # a marker is where q puts it, if it is less than this share of its deviation away
+_SAME_TIME = 1e-9  # parts of the end
 _ROUNDING = 1e-14  # of the size, below which a deviation is rounding
 
 _MOST = 1e12  # times that a deviation is magnified
@@ -85,6 +88,37 @@ class Scene:
         """The reference's points [m], shape (n, n_points, 2)."""
         return self.drawing.positions(self.reference.q)
 
+    @cached_property
+    def states(self) -> CubicHermiteSpline:
+        """The reference's coordinates at any instant [s]."""
+        return CubicHermiteSpline(self.t, self.reference.q, self.reference.u)
+
+    @cached_property
+    def fine(self) -> FloatArray:
+        """Instants [s], so close that straight lines between them are smooth traces of the compared points."""
+        middle = (self.t[1:] + self.t[:-1]) / 2
+        points = self.points[:, list(self.drawing.compared)]
+        off = (
+            self.drawing.positions(self.states(middle))[:, list(self.drawing.compared)] - (points[1:] + points[:-1]) / 2
+        )
+        parts = np.ceil(np.sqrt(2000 * np.linalg.norm(off, axis=-1).max(axis=-1) / self.drawing.size))
+        times = [
+            np.linspace(a, b, int(n), endpoint=False)
+            for a, b, n in zip(self.t[:-1], self.t[1:], parts.clip(1, 8), strict=True)
+        ]
+        return np.append(np.concatenate(times), self.t[-1])
+
+    def at(self, time: FloatArray, run: RunMotion | None = None, magnification: float = 1.0) -> FloatArray:
+        """Positions of all points [m] at instants [s], shape (n, n_points, 2); of a run with magnified deviations."""
+        q = self.states(time)
+        xy = self.drawing.positions(q)
+        if run is None:
+            return xy
+        shift = self.drawing.deviations(q, _linear(time, self.t, run.d))
+        for name, aside in run.aside.items():
+            shift[:, self.drawing.markers[name]] += _linear(time, self.t, aside)
+        return xy + magnification * shift
+
     def deviation(self, run: RunMotion) -> FloatArray:
         """Of a run's points from the reference's [m], shape (n, n_points, 2)."""
         deviation = self.drawing.deviations(self.reference.q, run.d)
@@ -108,6 +142,12 @@ class Scene:
         errors = [self.error(run) for run in self.runs]
         largest = max((float(np.nanmax(error)) for error in errors if np.isfinite(error).any()), default=0.0)
         return 10.0 ** np.clip(np.floor(np.log10(self.drawing.size / 8 / largest)), 0, 8) if largest > 0 else 1.0
+
+
+def refuse_magnification(magnify: float | None) -> None:
+    """Raise InputError if deviations cannot be magnified by that; None, which leaves it open, may stand."""
+    if magnify is not None and not 1 <= magnify <= _MOST:
+        raise InputError(f"magnify = {magnify!r} must be between 1 and {_MOST:g}.")
 
 
 def scene(
@@ -136,8 +176,7 @@ def scene(
     Raises:
         InputError: there is no end, the magnification is below 1, or a run is of another mechanism.
     """
-    if magnify is not None and not 1 <= magnify <= _MOST:
-        raise InputError(f"magnify = {magnify!r} must be between 1 and {_MOST:g}.")
+    refuse_magnification(magnify)
     runs = runs or {}
     if isinstance(states, Trajectory):
         end = float(states.t[-1]) if end is None else min(end, float(states.t[-1]))
@@ -176,12 +215,13 @@ def _grid(end: float, events: list[float], width: int) -> FloatArray:
     n = int(np.clip(_NUMBERS / width, _FEWEST, _FRAMES))
     times = [np.linspace(0.0, end, n)]
     near = events[:_MOST_EVENTS]
-    offsets = np.linspace(-1.0, 1.0, max(3, n // 5 // max(len(near), 1))) * _NEAR * end
+    offsets = np.linspace(-1.0, 1.0, max(3, n // 6 // max(len(near), 1))) * _NEAR * end
     times += [time + offsets for time in near]
     grid = np.unique(np.clip(np.concatenate(times), 0.0, end))
     grid = grid[np.concatenate([[True], np.diff(grid) > 1e-7 * end])]
     grid[-1] = end
-    return np.unique(np.concatenate([grid, events[:100]]))
+    # Speeds and forces jump at an event: a frame just before it has those from before.
+    return np.unique(np.concatenate([grid, events[:_FRAMED], np.array(events[:_FRAMED]) - _BEFORE * end]).clip(0.0))
 
 
 def _motion_of(name: str, run: RunLook, states: States, drawing: Drawing, t: FloatArray) -> RunMotion:
@@ -210,10 +250,14 @@ def _around(samples: FloatArray, t: FloatArray) -> list[int]:
 
 def _at(t: FloatArray, samples: FloatArray, values: FloatArray) -> FloatArray:
     """Values by columns, at the frames; NaN after the last sample."""
-    columns = [np.interp(t, samples, column, right=np.nan) for column in values.T]
-    if len(samples) and samples[-1] > t[-1] - 1e-9 * t[-1]:
-        columns = [np.interp(t, samples, column) for column in values.T]
-    return np.stack(columns, axis=1)
+    found = _linear(t, samples, values)
+    found[t > samples[-1] + _SAME_TIME * t[-1]] = np.nan
+    return found
+
+
+def _linear(t: FloatArray, samples: FloatArray, values: FloatArray) -> FloatArray:
+    """Values by columns, at other times."""
+    return np.stack([np.interp(t, samples, column) for column in values.T], axis=1)
 
 
 def resampled(trajectory: Trajectory) -> States:
@@ -227,9 +271,7 @@ def resampled(trajectory: Trajectory) -> States:
     beside = {name: motion.position - at_q(name, trajectory.q) for name, motion in trajectory.markers.items()}
 
     def linear(t: FloatArray, values: FloatArray) -> FloatArray:
-        if values.ndim == 1:
-            return np.interp(t, trajectory.t, values)
-        return np.stack([np.interp(t, trajectory.t, column) for column in values.T], axis=1)
+        return np.interp(t, trajectory.t, values) if values.ndim == 1 else _linear(t, trajectory.t, values)
 
     def at(t: FloatArray) -> Trajectory:
         t = np.clip(t, trajectory.t[0], trajectory.t[-1])

@@ -26,7 +26,6 @@ _SECONDS = 6.0  # of a motion, as it is shown
 _SLOWED, _NEAR = 3.0, 0.02  # slow motion: how much, and within which part of the end about an event
 _HOLD = 1.2  # [s] the last picture stays
 _SAMPLES = 2  # pixels that are drawn in each direction for one of the picture
-_NARROWEST, _WIDEST = 100, 4000  # [px]
 _DASH = (7.0, 5.0)  # [px]
 
 
@@ -45,11 +44,8 @@ def save(scene: Scene, path: Path, width: int) -> None:
         width: of the picture [px].
 
     Raises:
-        InputError: the width is not valid.
         UnwritableError: the folder cannot be written to.
     """
-    if not _NARROWEST <= width <= _WIDEST:
-        raise InputError(f"width = {width!r} px must be between {_NARROWEST} and {_WIDEST}.")
     picture = Picture(scene, 2 * (width // 2), scene.magnification)
     write_bytes(path, WRITERS[path.suffix.lower()](picture))
 

@@ -23,7 +23,7 @@
   /* The motion of a scene: where its points are, and by how much each run's points are elsewhere. */
   class Motion {
     constructor(data) {
-      Object.assign(this, { data, t: unpack(data.t, Float64Array), q: unpack(data.q, Float32Array), n: data.points.length });
+      Object.assign(this, { data, t: unpack(data.t, Float64Array), q: unpack(data.q, Float32Array), u: unpack(data.u, Float32Array), n: data.points.length });
       this.end = this.t[this.t.length - 1];
       this.runs = data.runs.map((run) => ({ ...run, d: unpack(run.d, Float32Array), own: Object.entries(run.aside).map(([name, text]) => [data.markers[name], unpack(text, Float32Array)]) }));
       this.torques = unpack(data.torques, Float32Array);
@@ -42,6 +42,14 @@
     between(values, width, column, [i, part]) {
       const a = values[i * width + column];
       return part === 0 ? a : part === 1 ? values[(i + 1) * width + column] : a + part * (values[(i + 1) * width + column] - a);
+    }
+    /* A coordinate of the reference: the cubic through values and speeds of both frames. */
+    coordinate(k, [i, part]) {
+      const { q, u, t } = this, { width } = this.data, a = i * width + k, b = a + width;
+      if (part === 0) return q[a];
+      if (part === 1) return q[b];
+      const h = t[i + 1] - t[i], rest = 1 - part;
+      return rest * rest * ((1 + 2 * part) * q[a] + part * h * u[a]) + part * part * ((3 - 2 * part) * q[b] - rest * h * u[b]);
     }
     /* Sum of coefficients times phasors, for all points or those that are asked for. */
     sum(re, im, offsets, out, only) {
@@ -62,7 +70,7 @@
     positions(at, only) {
       const { width, angles } = this.data, re = [], im = [];
       for (let k = 0; k < width; k++) {
-        const q = this.between(this.q, width, k, at);
+        const q = this.coordinate(k, at);
         if (k < angles) { re[k] = Math.cos(q); im[k] = -Math.sin(q); } else {
           const c = this.carrier.get(k);
           re[k] = c === undefined ? q : q * re[c];
@@ -75,7 +83,7 @@
     deviations(run, at, only) {
       const { width, angles } = this.data, re = [], im = [], turned = [];
       for (let k = 0; k < width; k++) {
-        const q = this.between(this.q, width, k, at), d = this.between(run.d, width, k, at);
+        const q = this.coordinate(k, at), d = this.between(run.d, width, k, at);
         if (k < angles) {
           const half = Math.sin(d / 2), u = -2 * half * half, v = -Math.sin(d), c = Math.cos(q), s = -Math.sin(q);
           turned[k] = [u, v, c, s];
@@ -94,14 +102,28 @@
       }
       return out;
     }
-    /* Positions (of the reference: run undefined) or deviations of the markers in all frames. */
+    /* Frames and parts between them, so many that traces are smooth: a marker's way leaves no chord by a 2000th of the size. */
+    get fine() {
+      const value = [], { marked, t } = this, middle = (i, part) => this.positions([i, part], marked);
+      for (let i = 0; i + 1 < t.length; i++) {
+        const a = middle(i, 0), b = middle(i, 1), c = middle(i, 0.5);
+        let off = 0;
+        for (const p of marked) off = Math.max(off, Math.hypot(c[2 * p] - (a[2 * p] + b[2 * p]) / 2, c[2 * p + 1] - (a[2 * p + 1] + b[2 * p + 1]) / 2));
+        const parts = Math.min(Math.max(Math.ceil(Math.sqrt(2000 * off / this.data.size)), 1), 8);
+        for (let k = 0; k < parts; k++) value.push([i, k / parts]);
+      }
+      value.push([t.length - 1, 0]);
+      Object.defineProperty(this, "fine", { value });
+      return value;
+    }
+    /* Positions (of the reference: run undefined) or deviations of the markers at those instants. */
     trace(run) {
       if (!this.traces.has(run)) {
-        const count = this.t.length, paths = this.marked.map(() => new Float64Array(2 * count));
-        for (let i = 0; i < count; i++) {
-          const at = [i, 0], xy = run ? this.deviations(run, at, this.marked) : this.positions(at, this.marked);
+        const paths = this.marked.map(() => new Float64Array(2 * this.fine.length));
+        this.fine.forEach((at, i) => {
+          const xy = run ? this.deviations(run, at, this.marked) : this.positions(at, this.marked);
           this.marked.forEach((p, m) => { paths[m][2 * i] = xy[2 * p]; paths[m][2 * i + 1] = xy[2 * p + 1]; });
-        }
+        });
         this.traces.set(run, paths);
       }
       return this.traces.get(run);
@@ -410,7 +432,7 @@
       pencil.context.clearRect(0, 0, pencil.width, pencil.height);
       if (this.option("traces")) this.drawTraces(at);
       if (this.shown.get(undefined)) for (const shape of data.shapes) pencil.shape(shape, reference, colours, this.gone(shape[5]) ? 0.3 : 1);
-      motion.runs.forEach((run, i) => this.drawRun(run, at, reference, this.rows.children[i + 1].lastElementChild, this.thinner(i, 1.6, 4.8)));
+      motion.runs.forEach((run, i) => this.drawRun(run, at, reference, this.rows.children[i + 1].lastElementChild, this.thinner(i, 1.6, 1.1)));
       if (this.option("forces")) this.drawForces(at, reference);
       if (this.option("names")) this.drawNames(reference);
       this.bar.value = time;
@@ -424,7 +446,7 @@
     }
     gone(stop) { return stop && this.motion.data.events.some((event) => event.kind === "release" && event.stop === stop && event.reference !== null && event.reference < this.time); }
     /* Lines of later runs are thinner, so that of lines that coincide each is seen. */
-    thinner(i, least, most) { const { length } = this.motion.runs; return length < 2 ? least : most - (most - least) * i / (length - 1); }
+    thinner(i, least, step) { return least + step * Math.min(this.motion.runs.length - 1 - i, 7); }
     drawRun(run, at, reference, cell, width) {
       const { pencil, motion } = this, [deviations, xy] = this.runPoints(run, at, reference), error = motion.error(deviations);
       const text = digits(error);
@@ -438,10 +460,10 @@
       }
     }
     drawTraces(at) {
-      const { motion, pencil } = this, c = pencil.context, reference = motion.trace(), { magnification } = this, last = at[0];
+      const { motion, pencil } = this, c = pencil.context, reference = motion.trace(), { magnification } = this, later = motion.fine.findIndex(([i, part]) => i > at[0] || (i === at[0] && part > at[1])), last = later < 0 ? motion.fine.length - 1 : later - 1;
       for (const [run, shown] of this.shown) {
         if (!shown) continue;
-        const width = run ? this.thinner(motion.runs.indexOf(run), 0.8, 3) : 1.6;
+        const width = run ? this.thinner(motion.runs.indexOf(run), 0.9, 0.7) : 1.6;
         const paths = motion.trace(run);
         const now = run ? this.runPoints(run, at, motion.positions(at))[1] : motion.positions(at);
         paths.forEach((path, m) => {
@@ -476,7 +498,14 @@
     }
     drawNames(xy) {
       const { pencil, colours } = this, { markers } = this.motion.data;
-      for (const [name, p] of Object.entries(markers)) pencil.text(name, pencil.x(xy[2 * p]) + 9, pencil.y(xy[2 * p + 1]) - 8, colours.soft, colours.surface);
+      const taken = [];
+      for (const [name, p] of Object.entries(markers)) {
+        const x = pencil.x(xy[2 * p]) + 9;
+        let y = pencil.y(xy[2 * p + 1]) - 8;
+        while (taken.some(([u, v]) => Math.abs(u - x) < 90 && Math.abs(v - y) < 13)) y += 14;
+        taken.push([x, y]);
+        pencil.text(name, x, y, colours.soft, colours.surface);
+      }
     }
     runNamed(name) { return name == null || name === "reference" ? undefined : this.motion.runs.find((run) => run.name === name); }
     /* Where a marker is, in metres: of the reference, or of a run with its deviation as it is or magnified. */

@@ -1,0 +1,321 @@
+"""Animations: their data are the trajectories', and files of them are whole or refused with a sentence."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import json
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from mechanisms import everything, fixed, hanging_bob
+from PIL import Image
+from trebucheck.__main__ import main
+from trebucheck.comparisons.report import html, markdown
+from trebucheck.comparisons.report.document import Animation as AnimationBlock
+from trebucheck.comparisons.report.document import Document, Heading
+from trebucheck.models.drawing import animation, video
+from trebucheck.models.drawing.animation import Animation, scene_data
+from trebucheck.models.drawing.picture import PALETTE, Picture
+from trebucheck.models.drawing.scene import RunLook, Scene, resampled, scene
+from trebucheck.models.trajectory import Trajectory, save
+from trebucheck.reference.solution import Solution
+from trebucheck.reference.solver import solve
+
+END = 2.76
+
+
+@cache
+def _solution(theta0: float = 0.0) -> Solution:
+    return solve(tb.Problem(fixed(tb.TrebuchetParameters(theta0=theta0)), 2.8))
+
+
+@cache
+def _run(samples: int = 2801) -> Trajectory:
+    """The machine from a start 1e-5 rad aside, at times of its own, as an engine's run."""
+    return _solution(1e-5).trajectory(np.linspace(0.0, 2.8, samples))
+
+
+@cache
+def _scene(runs: int = 1, samples: int = 2801) -> Scene:
+    looks = {f"run {k}": RunLook(_run(samples), "#1f77b4", k > 0) for k in range(runs)}
+    return scene(_solution().trajectory, looks, end=END)
+
+
+def _unpacked(text: str, kind: str = "<f4") -> np.ndarray:
+    return np.frombuffer(base64.b64decode(text), dtype=kind)
+
+
+def _beside(times: np.ndarray, marker: str = "projectile") -> np.ndarray:
+    """The run's marker less the reference's [m], both solutions read at these times."""
+    own, reference = (_solution(start).trajectory(times).marker(marker).position for start in (1e-5, 0.0))
+    return own - reference
+
+
+def test_frames_are_the_reference_s_states() -> None:
+    shown = _scene()
+    data = scene_data(shown)
+    t = _unpacked(data["t"], "<f8")
+    assert t[0] == 0 and t[-1] == END and (np.diff(t) > 0).all()
+    q = _unpacked(data["q"]).reshape(len(t), data["width"])
+    np.testing.assert_allclose(q, _solution().trajectory(t).q, rtol=1e-6, atol=1e-7)
+    at = list(_solution().trajectory(t).markers)
+    for name in at:
+        drawn = shown.at(t)[:, shown.drawing.markers[name]]
+        np.testing.assert_allclose(drawn, _solution().trajectory(t).marker(name).position, rtol=0, atol=1e-11)
+
+
+def test_events_are_frames_and_frames_are_closer_about_them() -> None:
+    shown = _scene()
+    for event in shown.events:
+        assert event.time in shown.t
+        steps = np.diff(shown.t)
+        assert steps[np.abs(shown.t[:-1] - event.time) < 0.01 * END].max() < 0.7 * steps.max()
+    releases = _solution().release_times
+    named = {event.stop: event for event in shown.events if event.kind == "release"}
+    assert {name: event.reference for name, event in named.items()} == {
+        name: time for name, time in releases.items() if time is not None
+    }
+    later = _run().release_times["sling rest"]
+    assert named["sling rest"].runs == {"run 0": later}
+
+
+def test_between_frames_the_motion_is_smooth() -> None:
+    """Cubic in time between frames, an event's speeds apart: a tenth of a millimetre of 25 m."""
+    times = np.random.default_rng(3).uniform(0.0, END, 400)
+    drawn = _scene().at(times)[:, _scene().drawing.markers["projectile"]]
+    assert np.abs(drawn - _solution().trajectory(times).marker("projectile").position).max() < 1e-4
+
+
+def test_deviations_are_the_run_s_own_at_its_own_times() -> None:
+    shown = _scene()
+    (run,) = shown.runs
+    there = _beside(shown.t)
+    found = shown.deviation(run)[:, shown.drawing.markers["projectile"]]
+    # linear between samples of 1 ms: the square of the interval times the deviation's curvature, some 1e-4 of it
+    np.testing.assert_allclose(found, there, rtol=0, atol=1e-3 * np.abs(there).max())
+    largest = np.max([np.linalg.norm(_beside(shown.t, name), axis=1) for name in shown.drawing.markers], axis=0)
+    np.testing.assert_allclose(shown.error(run), largest, rtol=0, atol=1e-3 * largest.max())
+    at = shown.t[10:-10:40]  # at a sample nothing is interpolated
+    looks = {"coarse": RunLook(_solution(1e-5).trajectory(np.unique([0.0, *at, 2.8])), "#000000")}
+    coarse = scene(_solution().trajectory, looks, end=END)
+    found = coarse.deviation(coarse.runs[0])[np.isin(coarse.t, at), coarse.drawing.markers["projectile"]]
+    np.testing.assert_allclose(found, _beside(at[np.isin(at, coarse.t)]), rtol=1e-9, atol=1e-13)
+
+
+def test_a_deviation_of_a_picometre_keeps_its_digits() -> None:
+    t = np.linspace(0.0, END, 301)
+    reference = _solution().trajectory(t)
+    tiny = np.ldexp(np.sin(7 * t)[:, None] * (1.0, -0.5, 0.25), -44)  # 6e-14 rad: a few roundings of an angle
+    q = reference.q + tiny
+    markers = {name: dataclasses.replace(motion) for name, motion in reference.markers.items()}
+    run = dataclasses.replace(reference, q=q, markers={n: m for n, m in markers.items() if n == "absent"})
+    shown = scene(_solution().trajectory, {"tiny": RunLook(run, "#000000")}, end=END)
+    data = scene_data(shown)["runs"][0]
+    d = _unpacked(data["d"]).reshape(len(shown.t), 3)
+    at = [int(np.argmin(np.abs(shown.t - time))) for time in t[30:270:40]]
+    exact = np.stack([np.interp(shown.t[at], t, (q - reference.q)[:, k]) for k in range(3)], axis=1)
+    np.testing.assert_allclose(d[at], exact, rtol=1e-5, atol=1e-21)
+
+
+def test_a_marker_that_is_not_where_the_coordinates_put_it_is_shown_where_it_is() -> None:
+    run = _run()
+    own = run.marker("projectile")
+    drifted = dataclasses.replace(own, position=own.position + np.array([0.0, 1e-3]))
+    moved = dataclasses.replace(run, markers={**run.markers, "projectile": drifted})
+    shown = scene(_solution().trajectory, {"drifted": RunLook(moved, "#000000")}, end=END)
+    assert set(shown.runs[0].aside) == {"projectile"}
+    found = shown.deviation(shown.runs[0])[:, shown.drawing.markers["projectile"]]
+    straight = _scene().deviation(_scene().runs[0])[:, _scene().drawing.markers["projectile"]]
+    np.testing.assert_allclose(found - straight, np.broadcast_to((0.0, 1e-3), found.shape), rtol=0, atol=1e-9)
+
+
+def test_a_run_that_ends_early_is_shown_until_then() -> None:
+    run = _run()
+    early = dataclasses.replace(
+        run, **{name: getattr(run, name)[:1000] for name in ("t", "q", "u", "kinetic_energy", "potential_energy")},
+        markers={n: dataclasses.replace(m, position=m.position[:1000], velocity=m.velocity[:1000])
+                 for n, m in run.markers.items()},
+    )  # fmt: skip
+    shown = scene(_solution().trajectory, {"early": RunLook(early, "#000000")}, end=END)
+    assert np.array_equal(np.isnan(shown.error(shown.runs[0])), shown.t > early.t[-1] + 1e-8)
+
+
+def test_without_markers_centres_of_mass_are_compared() -> None:
+    solution = solve(tb.Problem(everything(), 0.5))
+    t = np.linspace(0.0, 0.5, 51)
+    moved = dataclasses.replace(solution.trajectory(t), q=solution.trajectory(t).q + 1e-6)
+    shown = scene(solution.trajectory, {"run": RunLook(moved, "#000000")}, end=0.5)
+    assert len(shown.drawing.compared) == 5 and (shown.error(shown.runs[0]) > 1e-7).all()
+
+
+def test_eight_runs_of_one_machine_weigh_less_than_100_kilobytes() -> None:
+    assert len(json.dumps(scene_data(_scene(runs=8)), separators=(",", ":"))) < 100_000
+
+
+@pytest.mark.parametrize(("magnify", "factor"), [(None, 1e3), (250.0, 250.0)])
+def test_deviations_are_magnified_to_be_seen_or_as_asked_for(magnify: float | None, factor: float) -> None:
+    shown = scene(_solution().trajectory, {"run": RunLook(_run(), "#000000")}, end=END, magnify=magnify)
+    assert shown.magnification == factor
+    if magnify is None:
+        seen = factor * np.max(shown.error(shown.runs[0])) / shown.drawing.size
+        assert 1 / 80 < seen <= 1 / 8
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [({"end": 0.0}, "end = 0.0 s"), ({"end": None}, "end = None"), ({"magnify": 0.5}, "magnify = 0.5")],
+)
+def test_what_cannot_be_shown_is_refused(change: dict[str, Any], complaint: str) -> None:
+    with pytest.raises(tb.InputError, match=complaint):
+        scene(_solution().trajectory, **({"end": END} | change))
+
+
+def test_a_run_of_another_mechanism_is_refused() -> None:
+    other = solve(tb.Problem(hanging_bob(), 1.0)).trajectory(np.linspace(0, 1, 11))
+    with pytest.raises(tb.InputError, match="another mechanism"):
+        scene(_solution().trajectory, {"other": RunLook(other, "#000000")}, end=END)
+
+
+# --- Pages ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_page_needs_nothing_else_and_no_name_ends_its_script() -> None:
+    shown = dataclasses.replace(_scene(), name="</script><b>")
+    page = Animation((shown,), "a < b").to_html()
+    assert not re.findall(r"""(?:src|href)\s*=\s*["'](?!data:)""", page) and "http" not in page.replace(
+        "http-equiv", ""
+    )
+    assert page.count("</script>") == 2 and "a &lt; b" in page
+    (data,) = re.findall(r'<script type="application/json">(.*?)</script>', page, re.DOTALL)
+    assert json.loads(data)[0]["name"] == "</script><b>"
+
+
+def test_a_document_has_its_assets_once_and_markdown_none_of_it() -> None:
+    block = AnimationBlock((_scene(),))
+    report = Document("title", (Heading("Motion", 2), block, AnimationBlock(lambda: (_scene(),), "again", anchor="b")))
+    page = html.page(report)
+    assert page.count("class Player") == 1 and page.count('<section class="animation"') == 2
+    assert "class Player" not in html.page(Document("title", (Heading("Motion", 2),)))
+    assert "animation" not in markdown.text(report)
+
+
+def test_the_script_prints_in_the_colours_of_pictures() -> None:
+    (printed,) = re.findall(r"const PRINTED = \{(.*?)\}", animation.assets())
+    assert dict(re.findall(r'(\w+): "(#\w+)"', printed)) == PALETTE
+
+
+# --- Files ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_gif_plays_the_motion_slower_about_events(tmp_path: Path) -> None:
+    times = video.play_times(_scene(), 18.0)
+    assert times[0] == 0 and times[-1] == END
+    steps = np.diff(times)
+    (launch,) = (event.time for event in _scene().events if event.kind == "launch")
+    assert steps[np.searchsorted(times, launch) - 2] < 0.5 * steps.max()
+    Animation((_scene(),)).save(tmp_path / "motion.gif", width=160)
+    with Image.open(tmp_path / "motion.gif") as image:
+        assert getattr(image, "n_frames", 1) == len(times) and image.width == 160
+        first = np.asarray(image.convert("RGB"))
+        image.seek(len(times) // 2)
+        assert (np.asarray(image.convert("RGB")) != first).any()
+
+
+def test_an_mp4_is_one(tmp_path: Path) -> None:
+    pytest.importorskip("imageio_ffmpeg")
+    bob = solve(tb.Problem(hanging_bob(), 1.0)).trajectory(np.linspace(0, 1, 101))
+    bob.animate().save(tmp_path / "motion.mp4", width=100)
+    assert (tmp_path / "motion.mp4").read_bytes()[4:8] == b"ftyp"
+
+
+def test_an_mp4_without_its_package_is_refused_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
+    with pytest.raises(tb.InputError, match=r"pip install trebucheck\[video\]"):
+        Animation((_scene(),)).save(tmp_path / "motion.mp4")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_stroboscope_shows_start_events_and_end(tmp_path: Path) -> None:
+    Animation((_scene(),)).save(tmp_path / "motion.svg")
+    root = ET.fromstring((tmp_path / "motion.svg").read_text())
+    picture = Picture(_scene(), 640, _scene().magnification)
+    width, height = (float(root.attrib[name]) for name in ("width", "height"))
+    assert (width, height) == (640, picture.height)
+    circles = [e for e in root.iter("{http://www.w3.org/2000/svg}circle") if e.get("fill") == PALETTE["mass"]]
+    assert len(circles) == 2 * 4  # counterweight and projectile: at the start, at both releases, at the end
+    end = picture._px(picture.points(END))[_scene().drawing.markers["counterweight"]]
+    assert any(abs(complex(float(c.get("cx", 0)), float(c.get("cy", 0))) - end) < 0.02 for c in circles)
+
+
+def test_a_trajectory_plays_in_a_notebook_with_others_over_it() -> None:
+    reference = _solution().trajectory(np.linspace(0, 2.8, 1401))
+    shown = reference.animate(_run())
+    assert repr(shown) == "Animation of fixed (1 runs)"
+    assert shown._repr_html_().startswith("<iframe")
+    own, other = shown.scenes[0], scene(_solution().trajectory, {"run": RunLook(_run(), "#000000")}, end=2.8)
+    # the trajectory's own states between its samples of 2 ms: cubic, so that the deviation of 1e-4 m stays itself
+    np.testing.assert_allclose(
+        np.nanmax(own.error(own.runs[0])), np.nanmax(other.error(other.runs[0])), rtol=1e-3, atol=0
+    )
+    at = np.array([0.3, 1.0, 2.0])
+    np.testing.assert_allclose(resampled(reference)(at).q, _solution().trajectory(at).q, rtol=0, atol=1e-8)
+
+
+# --- The command ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["fixed", "--out", "motion.png"], "'motion.png' must end in one of: .gif, .mp4, .svg, .html."),
+        (["fixed", "--out", "motion"], "must end in one of"),
+        (["fixed,rolling", "--out", "motion.gif"], "can show one machine, not 2"),
+        (["pendulum", "--magnify", "0.1", "--out", "motion.svg"], "magnify = 0.1"),
+        (["pendulum", "--width", "20", "--out", "motion.svg"], "width = 20 px"),
+        (["--from", ".", "--out", "motion.svg"], "holds no trajectories"),
+        (["absent", "--out", "motion.svg"], "no model 'absent'"),
+        (["fixed", "--engines", "mujoko", "--out", "motion.svg"], "did you mean 'mujoco'"),
+        (["fixed", "--timeout", "0", "--out", "motion.svg"], "--timeout"),
+    ],
+)
+def test_wrong_input_gets_a_sentence_and_writes_nothing(
+    arguments: list[str], complaint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Callable[..., str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert complaint in refused("animate", *arguments)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_in_the_folder_s_place_is_told(tmp_path: Path, refused: Callable[..., str]) -> None:
+    (tmp_path / "there").write_text("")
+    assert "is not a folder" in refused("animate", "pendulum", "--out", str(tmp_path / "there" / "motion.gif"))
+
+
+@pytest.mark.usefixtures("kept_processes")
+def test_animate_writes_a_problem_s_motion_and_that_of_files(
+    tmp_path: Path, refused: Callable[..., str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["animate", "pendulum", "--out", str(tmp_path / "motion.svg")]) == 0
+    assert (tmp_path / "motion.svg").read_text().startswith("<svg")
+    save(_run(), tmp_path / "kept" / "fixed.nc")
+    assert main(["animate", "--from", str(tmp_path / "kept"), "--out", str(tmp_path / "motion.html")]) == 0
+    assert "motion.html" in capsys.readouterr().out
+    assert "holds those of: fixed" in refused(
+        "animate", "rolling", "--from", str(tmp_path / "kept"), "--out", str(tmp_path / "other.html")
+    )
+
+
+def test_view_without_a_display_is_one_sentence(monkeypatch: pytest.MonkeyPatch, refused: Callable[..., str]) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("sys.platform", "linux")
+    assert "a viewer needs a display" in refused("view", "fixed")
+    assert "has no viewer" in refused("view", "fixed", "--engine", "reference")
