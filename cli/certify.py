@@ -25,7 +25,7 @@ def certify_command(
     beam: options.Beam = None,
     duration: options.Duration = None,
     timeout: options.Timeout = 600.0,
-    out: Annotated[Path, options.out("Folder for one JSON file a machine.")] = Path("certificates"),
+    out: Annotated[Path, options.out("Folder for one JSON file and one page a machine.")] = Path("certificates"),
 ) -> None:
     """Compute each machine's figures in every independent way there is; write values and uncertainties.
 
@@ -86,7 +86,7 @@ def _certify(
     path: Path,
 ) -> None:
     """One machine's certificate, written and shown."""
-    from ..comparisons.report import terminal
+    from ..comparisons.report import html, terminal
     from ..comparisons.report.sections import certificate_report
     from ..models.files import write_text
     from ..reference.certification.certify import certify
@@ -95,8 +95,10 @@ def _certify(
         named = _named(mechanism, show)
         certificate = certify(mechanism, parameters, command=command, progress=named, call=worker.compute, **asked)
     write_text(path, certificate.to_json() + "\n")
-    terminal.show(certificate_report(certificate), terminal.console())
-    line = f"Certificate: {output.printable(str(path))}\n"
+    report, page = certificate_report(certificate), path.with_suffix(".html")
+    write_text(page, html.page(report))
+    terminal.show(report, terminal.console())
+    line = f"Certificate: {output.printable(str(path))}   Page: {output.printable(str(page))}\n"
     terminal.console().print(line, soft_wrap=True, markup=False)
 
 

@@ -200,12 +200,15 @@ def recommend_command(
     neighbours: Neighbours = _NEIGHBOURS,
     resume: Annotated[bool, typer.Option("--resume", help="Take finished trials from the folder again.")] = False,
     timeout: options.Timeout = 600.0,
-    out: Annotated[Path, options.out("Folder for recommend.json and the trials.")] = Path("recommend"),
+    out: Annotated[Path, options.out("Folder for recommend.html, recommend.json, the texts and the trials.")] = Path(
+        "recommend"
+    ),
 ) -> None:
     """Find, for each engine, the cheapest measured settings that reach an accuracy, up to the launch or to --until.
 
-    Prints them with the texts to paste into the MJCF, the pymunk or the Exudyn script, or says what stands in the
-    way; writes recommend.json. At least one of --position, --torque and --release must be given. Settings must
+    Writes recommend.html (self-contained), recommend.json, and beside them the texts to paste into the MJCF, the
+    pymunk or the Exudyn script; says what stands in the way where there are no such settings. At least one of
+    --position, --torque and --release must be given. Settings must
     reach it on the machine and on the worst of its neighbours, whose lengths, masses and start angles differ.
 
     Examples:
@@ -217,7 +220,8 @@ def recommend_command(
     """
     from ..comparisons.recommend import Asked, recommend
     from ..comparisons.recommend.cases import read_torque
-    from ..comparisons.recommend.report import document
+    from ..comparisons.recommend.report import document, files
+    from ..models.files import write_text
 
     if position is None and torque is None and release is None:
         raise InputError("nothing is asked; give at least one of --position, --torque and --release.")
@@ -230,7 +234,10 @@ def recommend_command(
     )
     with output.progress("references", 30) as show:
         advice = recommend(replace(study, progress=show), target, neighbours)
-    output.publish((out / "recommend.json", advice.to_json()), document(advice), store=study.store)
+    for name, text in files(advice).items():
+        write_text(out / name, text)
+    data = out / "recommend.json", advice.to_json()
+    output.publish(data, document(advice), out / "recommend.html", "Page", store=study.store)
 
 
 def paper_command(

@@ -5,23 +5,92 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ...models.mechanism import Mechanism
-from ..report.document import Block, Code, Document, Heading, Text
-from ..report.numbers import format_number, sentence
-from ..report.sections import compared_time
+from ..report import document as doc
+from ..report.document import Block, Code, Document, Fold, Heading, Listing, Row, Table, Text, page_only, row, table
+from ..report.numbers import format_number, format_step, sentence
+from ..report.sections import compared_time, provenance
 from .cases import unit_of
 from .results import Advice, Asked, Attempt, Choice, EngineAdvice, Errors
 
 
 def document(advice: Advice) -> Document:
-    """One chapter an engine: settings, errors, wall time, what was tried, and the texts to paste."""
+    """One table of the settings; the page also has the texts to paste, and what was tried."""
+    asked = _target(advice.asked, advice.mechanism)
     blocks: list[Block] = [
-        Text(_target(advice.asked, advice.mechanism), "strong", lead=f"{advice.model}:"),
+        Text(asked, "strong", lead=f"{advice.model}:"),
+        _settings(advice),
+        *(Text(e.message or "", "warning", lead=f"{e.engine}:") for e in advice.engines if e.choice is None),
+        Text(f"{', '.join(files(advice)) or 'none'}.", lead="To copy, beside recommend.json:"),
+        *(page_only(block) for engine in advice.engines for block in _chapter(engine)),
+        Heading("How it was found", 2),
         Text(compared_time(advice.launch_time, advice.compared_to, advice.judged_to)),
         Text(sentence(advice.rule)),
     ]
-    for engine in advice.engines:
-        blocks += _chapter(engine, advice.mechanism)
-    return Document("Settings that reach the target", tuple(blocks), "trebucheck recommend")
+    runs = (
+        (advice.model, f"{e.engine} {e.choice.options}", e.engine_version, e.choice.settings)
+        for e in advice.engines
+        if e.choice is not None
+    )
+    blocks += provenance(advice, runs, [(advice.model, advice.mechanism)])
+    title = "Settings that reach the target"
+    return Document(title, tuple(blocks), f"trebucheck recommend: {advice.model}")
+
+
+def _settings(advice: Advice) -> Table:
+    unit = advice.mechanism.force_unit
+    heads = doc.ranked(
+        doc.columns(
+            f"engine | settings | step [s] | position [m] | {'force' if unit == 'N' else 'torque'} [{unit}] | "
+            "release [s] | wall [s] | (worst neighbour)"
+        ),
+        settings=0,
+        step=0,
+        release=2,
+        wall=3,
+    )
+    found = sorted(
+        ((e.choice.wall_time, e.engine, e.choice) for e in advice.engines if e.choice is not None),
+        key=lambda each: each[:2],
+    )
+    rows = (_row(engine, choice, advice.mechanism) for _, engine, choice in found)
+    caption = "The cheapest measured settings of each engine, the quickest first; errors on this machine"
+    return table(heads, rows, caption)
+
+
+def _row(engine: str, choice: Choice, mechanism: Mechanism) -> Row:
+    here, worst = choice.here, choice.worst_neighbour
+    values = (format_number(value) for value in (here.position, here.torque, here.release))
+    neighbour = "none measured" if worst is None else _errors(worst, mechanism)
+    return row(engine, choice.options, format_step(choice.step), *values, f"{choice.wall_time:.3f}", neighbour)
+
+
+def _chapter(engine: EngineAdvice) -> Iterator[Block]:
+    yield Heading(f"{engine.engine} {engine.engine_version}", 2, engine.engine)
+    if engine.choice is not None:
+        runs = len(engine.choice.wall_times)
+        timed = f"median of {runs}" if runs > 1 else "one run"
+        text = (
+            f"({engine.choice.words}), step {engine.choice.step:g} s; wall time is the {timed}, warm, on this machine."
+        )
+        yield Text(text, "good", lead=engine.choice.options)
+    for title, text in engine.snippets.items():
+        yield Code(title, text)
+    tried = tuple(Text(_attempt(attempt), lead=attempt.options) for attempt in engine.attempts)
+    yield Fold(f"What was tried with {engine.engine}", (Listing(tried),))
+
+
+def files(advice: Advice) -> dict[str, str]:
+    """Texts to paste, by names of files."""
+    return {
+        f"{engine.engine}-{'-'.join(title.lower().split())}.{_kind(text)}": text
+        for engine in advice.engines
+        for title, text in engine.snippets.items()
+    }
+
+
+def _kind(text: str) -> str:
+    """Ending of a file of that text."""
+    return "xml" if text.startswith("<") else "sh" if text.startswith("trebucheck ") else "py"
 
 
 def _target(target: Asked, mechanism: Mechanism) -> str:
@@ -31,27 +100,6 @@ def _target(target: Asked, mechanism: Mechanism) -> str:
     if target.torque_share is not None:
         parts.append(f"torque within {100 * target.torque_share:g} % of the largest")
     return ", ".join(parts)
-
-
-def _chapter(engine: EngineAdvice, mechanism: Mechanism) -> Iterator[Block]:
-    yield Heading(f"{engine.engine} {engine.engine_version}", 2, medium="any")
-    if engine.choice is None:
-        yield Text(engine.message or "", "warning", lead="None reaches it:")
-    else:
-        yield from _choice(engine.choice, mechanism)
-    for attempt in engine.attempts:
-        yield Text(_attempt(attempt), "muted", lead=f"  {attempt.options:<20}")
-    for title, text in engine.snippets.items():
-        yield Code(title, text)
-
-
-def _choice(choice: Choice, mechanism: Mechanism) -> Iterator[Text]:
-    yield Text(f"({choice.words}), step {choice.step:g} s", "good", lead=choice.options)
-    yield Text(f"  this machine:    {_errors(choice.here, mechanism)}")
-    if choice.worst_neighbour is not None:
-        yield Text(f"  worst neighbour: {_errors(choice.worst_neighbour, mechanism)}")
-    runs = len(choice.wall_times)
-    yield Text(f"  wall time {choice.wall_time:.3f} s ({f'median of {runs}' if runs > 1 else 'one run'}, warm, here)")
 
 
 def _errors(errors: Errors, mechanism: Mechanism) -> str:

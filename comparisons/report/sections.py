@@ -134,11 +134,25 @@ def certified_figures(figures: Iterable[Figure], caption: str) -> Table:
 
 
 def certificate_report(certificate: Certificate) -> Document:
-    """The figures, and what was left out of the computations."""
+    """Figures of events, and folded away, those at chosen times, the computations, and the mechanism."""
     number = sum(computation.independent for computation in certificate.computations)
     title = f"{certificate.model}: {len(certificate.figures)} figures from {number} independent computations"
-    left_out = (Text(sentence, "warning", lead="left out:") for sentence in certificate.absent)
-    return Document(title, (certified_figures(certificate.figures, title), Listing(tuple(left_out))))
+    events = [figure for figure in certificate.figures if figure.time is None]
+    timed = [figure for figure in certificate.figures if figure.time is not None]
+    further = f"{len(timed)} further figures, at chosen times"
+    left_out = tuple(Text(sentence, "warning", lead="left out:") for sentence in certificate.absent)
+    heads = "computation | formulation | integrator | tolerance | independent"
+    made = [(c.name, c.formulation, c.integrator, c.tolerance, c.independent) for c in certificate.computations]
+    blocks = (
+        certified_figures(events, "Figures of the motion and its events"),
+        Text(f"{further}, are in the file.", "muted", medium="terminal"),
+        Fold(further, (page_only(certified_figures(timed, further)),)),
+        Listing(left_out),
+        Fold("The computations", (table(heads, made, "Each was made alone; the uncertainty is what they differ by"),)),
+        Note(f"{certificate.rule} Versions: {format_settings(certificate.versions)}."),
+        Note(f"Mechanism {certificate.mechanism_hash}."),
+    )
+    return Document(title, blocks, f"trebucheck certify: {certificate.model}", certificate.command)
 
 
 def run_report(trajectory: Trajectory) -> Document:
