@@ -23,6 +23,8 @@ class Quantity:
     subject: str | None = None
     judged: str = ""
     """Metric that has the verdict, if that is another one."""
+    otherwise: str = ""
+    """Metric in the place of one that the run has not."""
     short: str = ""
     """Title in a terminal; '' leaves the column out there."""
     rank: int = 1
@@ -38,8 +40,8 @@ class Quantity:
 
     def metrics(self, run: Run) -> list[Metric]:
         """Those it stands for."""
-        of = (m for m in run.metrics if m.observed and m.name == self.metric)
-        return [m for m in of if self.subject in (None, m.subject)]
+        of = [m for m in run.metrics if m.observed and self.subject in (None, m.subject)]
+        return [m for m in of if m.name == self.metric] or [m for m in of if m.name == self.otherwise]
 
     def value(self, run: Run) -> float | None:
         """The largest; None if one is missing, or the run has none."""
@@ -101,7 +103,16 @@ _QUANTITIES = (
     Quantity("launch speed", "m/s", "launch_speed", short="speed", rank=4, plot=plots.DISTANCES),
     Quantity("stop torque", "N m", "stop_torque_max", short="torque", rank=2, plot=plots.TORQUES),
     Quantity("joint force", "1", "joint_reaction_relative", judged="joint_reaction_max", plot=plots.JOINT_FORCES),
-    Quantity("energy", "1", "energy_drift", judged="energy_balance", short="energy", rank=3, plot=plots.ENERGY),
+    Quantity(
+        "energy",
+        "1",
+        "energy_drift",
+        judged="energy_balance",
+        otherwise="energy_drift_kinetic",
+        short="energy",
+        rank=3,
+        plot=plots.ENERGY,
+    ),
 )
 OVERVIEW = (_POSITION, *_QUANTITIES)
 """One value of each quantity, whatever markers the mechanism has."""

@@ -19,6 +19,7 @@ from ..report.document import Animation, Figure, Grid
 from ..report.motion import motion_scene
 from ..report.plots import REFERENCE, Axis, Panels, Plot, Rule, Series, Style, run_style
 from ..runs.balance import sampled_balance
+from ..runs.metrics import LEAST_START
 
 if TYPE_CHECKING:
     from ..runs.results import Machine, Run
@@ -149,8 +150,8 @@ def _figures(machine: Machine) -> Iterator[tuple[str, str, int, Callable[[Soluti
             sentence = f"{text} Upper row: the reference, and runs that part from its line. Lower row: differences."
             draw = partial(_over_time, quantities=quantities, unit=unit, marks=marks, end=machine.compared_to)
             yield name, sentence, len(quantities), draw
-    text = "Total energy less the work of dampers, constant forces and torques, as a share of the energy at the start. "
-    text += "Any drift but at impacts is numerical."
+    text = "Total energy less the work of dampers, constant forces and torques, as a share of the energy at the start, or of "
+    text += "the largest kinetic energy. Any drift but at impacts is numerical."
     yield ENERGY, text, 1, partial(_energy_drift, marks=marks)
 
 
@@ -237,14 +238,16 @@ def _differences(runs: Sequence[Line], name: str, quantity: Quantity, axis: Axis
 
 
 def _energy_drift(solution: Solution, runs: Sequence[Line], marks: tuple[Rule, ...]) -> Panels:
-    """Energy drift relative to the total energy at the start, logarithmic."""
-    start = float(solution.trajectory(np.zeros(1)).total_energy[0])
+    """Energy drift relative to the energy at the start, or to the largest kinetic energy where that says more."""
+    known = solution.trajectory(np.linspace(0.0, max((run.reference.t[-1] for run in runs), default=0.0), _POINTS))
+    start, kinetic = float(known.total_energy[0]), float(known.kinetic_energy.max())
+    size, name = (abs(start), "|E(0)|") if abs(start) > LEAST_START * kinetic else (kinetic, "largest T")
     series: list[Series] = []
     for run in runs:
         t, (energy, _) = run.reference.t, sampled_balance(run.trajectory)
-        drift = np.abs(energy[: len(t)] - start) / (abs(start) or 1.0)
+        drift = np.abs(energy[: len(t)] - start) / (size or 1.0)
         series.append(Series(run.label, *thinned(t, drift), run.style))
-    axis = Axis("|E - E(0)| / |E(0)|", "1", logarithmic=True) if start else Axis("|E - E(0)|", "J", logarithmic=True)
+    axis = Axis(f"|E - E(0)| / {name}", "1", logarithmic=True) if size else Axis("|E - E(0)|", "J", logarithmic=True)
     return (Plot(_TIME, axis, tuple(series), height=250, rules=marks),)
 
 

@@ -220,14 +220,19 @@ def _balance(c: Comparison) -> Metric:
     return metric.model_copy(update={"sampling_error": error}) if error else metric
 
 
+LEAST_START = 1e-2
+"""Least energy at the start, in parts of the largest kinetic energy, of which a drift says anything: the zero of the
+potential energy is a convention, and a start near it would make any drift large."""
+
+
 def _drift(c: Comparison) -> Iterator[Metric]:
     """Change of the balance of energy, of that at the start and of the largest kinetic energy."""
     own, expected = c.balance
     start = float(expected[0])  # every trajectory begins at t = 0
     drift = float(np.abs(own[c.keep] - start).max())
-    if start != 0:
-        yield Metric(name="energy_drift", value=drift / abs(start), unit="1")
     kinetic = float(c.reference.kinetic_energy[c.keep].max())
+    if abs(start) > LEAST_START * kinetic:
+        yield Metric(name="energy_drift", value=drift / abs(start), unit="1")
     if kinetic > 0:
         yield Metric(name="energy_drift_kinetic", value=drift / kinetic, unit="1")
 
