@@ -150,8 +150,8 @@ def _figures(machine: Machine) -> Iterator[tuple[str, str, int, Callable[[Soluti
             sentence = f"{text} Upper row: the reference, and runs that part from its line. Lower row: differences."
             draw = partial(_over_time, quantities=quantities, unit=unit, marks=marks, end=machine.compared_to)
             yield name, sentence, len(quantities), draw
-    text = "Total energy less the work of dampers, constant forces and torques, as a share of the energy at the start, or of "
-    text += "the largest kinetic energy. Any drift but at impacts is numerical."
+    text = "Total energy less the work of dampers, constant forces and torques, as a share of the energy at the start "
+    text += "(where that is near zero: of the largest kinetic energy). Any drift but at impacts is numerical."
     yield ENERGY, text, 1, partial(_energy_drift, marks=marks)
 
 
