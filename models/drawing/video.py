@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageColor, ImageDraw, ImageFont
 
 from ..arrays import ComplexArray
 from ..errors import InputError
@@ -75,12 +75,21 @@ def _frames(picture: Picture, rate: float) -> Iterator[Image.Image]:
 
 def _gif(picture: Picture, rate: float = 18.0) -> bytes:
     frames = list(_frames(picture, rate))
-    palette = frames[-1].quantize(96, dither=Image.Dither.NONE)
+    palette = _with_background(frames[-1].quantize(96, dither=Image.Dither.NONE))
     images = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     durations = [round(1e3 / rate)] * (len(images) - 1) + [round(1e3 * _HOLD)]
     buffer = io.BytesIO()
     images[0].save(buffer, "gif", save_all=True, append_images=images[1:], duration=durations, loop=0, optimize=True)
     return buffer.getvalue()
+
+
+def _with_background(image: Image.Image) -> Image.Image:
+    """The palette with the very background, which its makers mix with what is nearly the same."""
+    background, colours = image.getpixel((0, 0)), image.getpalette() or []
+    assert isinstance(background, int)
+    colours[3 * background : 3 * background + 3] = ImageColor.getrgb(PALETTE["surface"])
+    image.putpalette(colours)
+    return image
 
 
 def _mp4(picture: Picture, rate: float = 30.0) -> bytes:

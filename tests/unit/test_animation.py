@@ -225,6 +225,7 @@ def test_a_gif_plays_the_motion_slower_about_events(tmp_path: Path) -> None:
     with Image.open(tmp_path / "motion.gif") as image:
         assert getattr(image, "n_frames", 1) == len(times) and image.width == 160
         first = np.asarray(image.convert("RGB"))
+        assert (first[0, 0] == 255).all()  # the page that it is put into is white
         image.seek(len(times) // 2)
         assert (np.asarray(image.convert("RGB")) != first).any()
 

@@ -446,7 +446,7 @@
     }
     gone(stop) { return stop && this.motion.data.events.some((event) => event.kind === "release" && event.stop === stop && event.reference !== null && event.reference < this.time); }
     /* Lines of later runs are thinner, so that of lines that coincide each is seen. */
-    thinner(i, least, step) { return least + step * Math.min(this.motion.runs.length - 1 - i, 7); }
+    thinner(i, least, step) { return Math.max(least + step * Math.min(this.motion.runs.length - 1 - i, 7) * Math.min(1, this.pencil.width / 800), 1); }
     drawRun(run, at, reference, cell, width) {
       const { pencil, motion } = this, [deviations, xy] = this.runPoints(run, at, reference), error = motion.error(deviations);
       const text = digits(error);
@@ -463,7 +463,7 @@
       const { motion, pencil } = this, c = pencil.context, reference = motion.trace(), { magnification } = this, later = motion.fine.findIndex(([i, part]) => i > at[0] || (i === at[0] && part > at[1])), last = later < 0 ? motion.fine.length - 1 : later - 1;
       for (const [run, shown] of this.shown) {
         if (!shown) continue;
-        const width = run ? this.thinner(motion.runs.indexOf(run), 0.9, 0.7) : 1.6;
+        const width = run ? this.thinner(motion.runs.indexOf(run), 0.9, 0.45) : 1.6;
         const paths = motion.trace(run);
         const now = run ? this.runPoints(run, at, motion.positions(at))[1] : motion.positions(at);
         paths.forEach((path, m) => {
