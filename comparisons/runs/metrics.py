@@ -115,8 +115,10 @@ def _no_release(c: Comparison, stop: str) -> str | None:
     """Why the time at which a stop opens is not unique: its torque changes sign at no time that the motion tells."""
     if stop in c.solution.undetermined_stops:
         return _REDUNDANT
-    torque = np.abs(c.reference.stop_torque(stop)[c.keep]).max(initial=0.0)
-    return "not unique: nothing presses on the stop" if torque <= PARTED * c.scales.torques[stop] else None
+    scale = c.scales.angle if c.trajectory.mechanism.stop(stop).gap_unit == "rad" else c.scales.length
+    torque, gap = c.reference.stop_torque(stop), c.reference.stop_gap(stop)
+    parts = (np.abs(values[c.keep]).max(initial=0.0) for values in (torque / c.scales.torques[stop], gap / scale))
+    return "not unique: nothing presses on the stop, and it stays closed" if max(parts) <= PARTED else None
 
 
 def _either_within(c: Comparison, *times: float | None) -> bool:

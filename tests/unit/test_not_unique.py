@@ -65,10 +65,12 @@ def test_a_release_that_changes_no_motion_is_not_judged(mechanism: Mechanism) ->
     assert "not unique" in str(metric.note)
 
 
-def test_a_release_is_judged_where_something_presses() -> None:
+@pytest.mark.parametrize(("aside", "release"), [(-1e-3, 0.0), (1e-3, None)])
+def test_a_release_is_judged_where_something_presses_or_pulls(aside: float, release: float | None) -> None:
+    """Pressed on, the stop stays closed; pulled off, it opens at the start."""
     rotor = _rotor()
-    loaded = rotor.model_copy(update={"bodies": (rotor.bodies[0].model_copy(update={"centre": (-1e-3, 0.0)}),)})
-    metric = _measured(loaded, 0.0)
+    loaded = rotor.model_copy(update={"bodies": (rotor.bodies[0].model_copy(update={"centre": (aside, 0.0)}),)})
+    metric = _measured(loaded, release)
     assert metric is not None
     assert metric.observed
     assert metric.value is None
