@@ -26,6 +26,7 @@ _SECONDS = 6.0  # of a motion, as it is shown
 _SLOWED, _NEAR = 3.0, 0.02  # slow motion: how much, and within which part of the end about an event
 _HOLD = 1.2  # [s] the last picture stays
 _SAMPLES = 2  # pixels that are drawn in each direction for one of the picture
+_COLOURS = 96  # of a GIF, beside its background
 _DASH = (7.0, 5.0)  # [px]
 
 
@@ -75,21 +76,23 @@ def _frames(picture: Picture, rate: float) -> Iterator[Image.Image]:
 
 def _gif(picture: Picture, rate: float = 18.0) -> bytes:
     frames = list(_frames(picture, rate))
-    palette = _with_background(frames[-1].quantize(96, dither=Image.Dither.NONE))
-    images = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    palette = frames[-1].quantize(_COLOURS, dither=Image.Dither.NONE)
+    images = [_indexed(frame, palette) for frame in frames]
     durations = [round(1e3 / rate)] * (len(images) - 1) + [round(1e3 * _HOLD)]
     buffer = io.BytesIO()
     images[0].save(buffer, "gif", save_all=True, append_images=images[1:], duration=durations, loop=0, optimize=True)
     return buffer.getvalue()
 
 
-def _with_background(image: Image.Image) -> Image.Image:
-    """The palette with the very background, which its makers mix with what is nearly the same."""
-    background, colours = image.getpixel((0, 0)), image.getpalette() or []
-    assert isinstance(background, int)
-    colours[3 * background : 3 * background + 3] = ImageColor.getrgb(PALETTE["surface"])
-    image.putpalette(colours)
-    return image
+def _indexed(frame: Image.Image, palette: Image.Image) -> Image.Image:
+    """A frame in a palette's colours; the background as it is, which the search for a near colour would tint."""
+    white = ImageColor.getrgb(PALETTE["surface"])
+    colours = [*(palette.getpalette() or [])[: 3 * _COLOURS], *white]
+    values = np.array(frame.quantize(palette=palette, dither=Image.Dither.NONE))
+    values[np.all(np.asarray(frame) == white, axis=-1)] = len(colours) // 3 - 1
+    indexed = Image.fromarray(values)
+    indexed.putpalette(colours)
+    return indexed
 
 
 def _mp4(picture: Picture, rate: float = 30.0) -> bytes:
