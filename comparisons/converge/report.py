@@ -42,7 +42,7 @@ _OTHERS = (
 def document(studies: Studies) -> Document:
     """All studies; the terminal has the orders, laws and limits of the positions, and what failed."""
     failures = tuple(Text(sentence, "warning") for sentence in _failures(studies))
-    blocks: list[Block] = [Note(_INTRODUCTION)]
+    blocks: list[Block] = []
     if failures:
         blocks.append(
             doc.Fold(f"What did not run ({len(failures)})", (doc.Listing(failures),), opened=len(failures) <= 5)
@@ -54,9 +54,10 @@ def document(studies: Studies) -> Document:
         for machine in studies.machines
         for study in machine.studies
     )
+    blocks += [Heading("How it is measured", 2), Note(_INTRODUCTION)]
     blocks += provenance(studies, runs, [(machine.model, machine.mechanism) for machine in studies.machines])
     blocks.append(doc.Listing(failures, medium="terminal"))
-    return Document("How errors fall", tuple(blocks), "trebucheck converge")
+    return Document("How fast does each engine's error fall with its settings?", tuple(blocks), "trebucheck converge")
 
 
 def _failures(studies: Studies) -> Iterator[str]:

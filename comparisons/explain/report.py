@@ -50,9 +50,8 @@ _CHANGES = (
 def document(explanation: Explanation) -> Document:
     """All budgets; the terminal has them in short, what each option buys, what could not be measured, the verdict."""
     blocks: list[Block] = [
-        Note(_INTRODUCTION),
         Text(verdict(explanation), "strong", medium="page"),
-        doc.Fold("How to read it", (Note(_HOW_TO_READ),)),
+        doc.Fold("How to read it", (Note(_INTRODUCTION), Note(_HOW_TO_READ))),
     ]
     blocks += [Text(message, "bad", lead=f"{model}:") for model, message in explanation.failures.items()]
     for machine in explanation.machines:

@@ -97,7 +97,7 @@
       if (s.mark === "points" || s.mark === "both") marks.push(Plot.dot(s.points, {...style, r: 4, symbol: s.style.symbol,
         fill: s.style.dashed ? "var(--page)" : s.style.colour}));
     }
-    for (const l of plot.labels) marks.push(Plot.text([l], {x: "x", y: "y", text: "text", fill: l.colour, ...(l.beside ? {dx: 6, textAnchor: "start"} : {dy: -9, clip: true})}));
+    for (const l of plot.labels) marks.push(Plot.text([l], {x: "x", y: "y", text: "text", fill: l.colour, ...(l.beside ? {dx: 6, textAnchor: "start"} : {dx: -3, dy: -7, textAnchor: "end", clip: true})}));
     const flat = series.flatMap((s) => s.points.filter((p) => p.y !== null));
     marks.push(Plot.tip(flat, Plot.pointer({x: "x", y: "y", title: (p) => hint(p, plot), maxRadius: 60})));
     return marks;
