@@ -155,7 +155,7 @@ def scene_data(shown: Scene) -> dict[str, Any]:
         "shapes": [_shape(shape) for shape in drawing.shapes],
         "markers": drawing.markers,
         "compared": drawing.compared,
-        "box": [_short(edge) for edge in drawing.box],
+        "box": [_short(edge) for edge in shown.box],
         "size": _short(drawing.size),
         "stops": [_stop(drawing, name) for name in stops],
         "torques": _packed(np.hstack(torques)) if torques else "",

@@ -79,7 +79,7 @@ class Picture:
     @cached_property
     def stage(self) -> int:
         """Height of the picture itself [px], even."""
-        x0, y0, x1, y1 = self.scene.drawing.box
+        x0, y0, x1, y1 = self.scene.box
         return 2 * round(self.width * min(max((y1 - y0) / (x1 - x0), self.least), self.most) / 2)
 
     @property
@@ -89,11 +89,11 @@ class Picture:
 
     @cached_property
     def _scale(self) -> float:
-        x0, y0, x1, y1 = self.scene.drawing.box
+        x0, y0, x1, y1 = self.scene.box
         return min(self.width / (x1 - x0), self.stage / (y1 - y0))
 
     def _px(self, z: ComplexArray) -> ComplexArray:
-        x0, y0, x1, y1 = self.scene.drawing.box
+        x0, y0, x1, y1 = self.scene.box
         middle = complex(x0 + x1, y0 + y1) / 2
         return _array(complex(self.width, self.stage) / 2 + self._scale * np.conj(z - middle))
 

@@ -20,7 +20,7 @@ from ..errors import InputError
 from ..trajectory import PointMotion, Trajectory
 from .draw import draw
 from .events import Event, events_of
-from .shapes import Drawing
+from .shapes import MOVING, Box, Drawing
 
 _FRAMES, _FEWEST = 180, 90
 _NUMBERS = 8_000  # of all frames together; a mechanism of many bodies has fewer frames
@@ -30,6 +30,7 @@ _FRAMED = 60  # that have frames of their own
 _BEFORE = 1e-7  # parts of the end
 _SAME = 1e-3  # a marker is where q puts it, if it is less than this share of its deviation away
 _SAME_TIME = 1e-9  # parts of the end
+_WIDER, _MARGIN = 0.15, 0.03  # of the size: by how much runs widen the view at most, and what is left beside them
 _ROUNDING = 1e-14  # of the size, below which a deviation is rounding
 
 _MOST = 1e12  # times that a deviation is magnified
@@ -87,6 +88,19 @@ class Scene:
     def points(self) -> FloatArray:
         """The reference's points [m], shape (n, n_points, 2)."""
         return self.drawing.positions(self.reference.q)
+
+    @cached_property
+    def box(self) -> Box:
+        """The part of the plane that is shown: the drawing's, and what runs need beside it at first."""
+        x0, y0, x1, y1 = self.drawing.box
+        moving = sorted({i for shape in self.drawing.shapes if shape.role in MOVING for i in shape.points})
+        shifted = [self.points + self.magnification * self.deviation(run) for run in self.runs]
+        xy = np.concatenate([self.points, *shifted])[:, moving].reshape(-1, 2)
+        most, margin = _WIDER * self.drawing.size, _MARGIN * self.drawing.size
+        low, high = np.nanmin(xy, axis=0) - margin, np.nanmax(xy, axis=0) + margin
+        left, lower = (min(a, max(b, a - most)) for a, b in zip((x0, y0), low.tolist(), strict=True))
+        right, upper = (max(a, min(b, a + most)) for a, b in zip((x1, y1), high.tolist(), strict=True))
+        return left, lower, right, upper
 
     @cached_property
     def states(self) -> CubicHermiteSpline:

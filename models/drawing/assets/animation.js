@@ -421,7 +421,8 @@
       const nearest = Math.min(Infinity, ...data.events.map((event) => Math.abs(event.time - this.time)));
       return speed / (1 + (SLOWED - 1) * Math.max(0, Math.min(1, 2 - nearest / (NEAR * end))));
     }
-    get magnification() { return 10 ** +this.magnify.value; }
+    /* To two digits, as it is shown. */
+    get magnification() { return +(10 ** +this.magnify.value).toPrecision(2); }
     runPoints(run, at, reference) {
       const deviations = this.motion.deviations(run, at), { magnification } = this;
       return [deviations, reference.map((value, i) => value + magnification * deviations[i])];
@@ -440,7 +441,7 @@
       const places = Math.max(0, Math.min(6, 3 - Math.floor(Math.log10(motion.end))));
       this.clock.textContent = `${time.toFixed(places)} s`;
       const factor = this.magnification;
-      this.factor.textContent = factor < 1e4 ? `× ${Math.round(factor)}` : `× ${factor.toExponential(1)}`;
+      this.factor.textContent = `× ${factor.toLocaleString("en")}`;
       this.magnify.setAttribute("aria-valuetext", this.factor.textContent);
       Object.assign(this.canvas.dataset, { time, frame: at[0], magnification: factor, milliseconds: (performance.now() - started).toFixed(2) });
     }

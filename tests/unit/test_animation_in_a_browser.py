@@ -1,0 +1,135 @@
+"""The page of an animation in a browser: what is drawn is where the data say, and the controls move it."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from mechanisms import everything, fixed, hanging_bob
+from trebucheck.models.drawing.animation import Animation
+from trebucheck.models.drawing.scene import RunLook, Scene, scene
+from trebucheck.reference.solver import solve
+
+sync = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+pytestmark = [pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed"), pytest.mark.slow]
+
+RED, BLUE = "#d00000", "#0000d0"
+PLAYER = "document.querySelector('section.animation').trebucheck"
+
+
+def _scene(mechanism: tb.Mechanism, duration: float, shift: float) -> Scene:
+    """Two runs that leave the reference in opposite directions, by angles and slides that grow with time."""
+    solution = solve(tb.Problem(mechanism, duration))
+    t = np.linspace(0.0, duration, 401)
+    motion = solution.trajectory(t)
+    looks: dict[str, RunLook] = {}
+    for name, sign, colour in (("first", 1, RED), ("second", -1, BLUE)):
+        run = solution.reading(t, solution.motion_of(t, motion.q + sign * shift * t[:, None], motion.u))
+        looks[name] = RunLook(run, colour, dashed=sign < 0)
+    return scene(solution.trajectory, looks, end=duration)
+
+
+SCENES = (_scene(fixed(), 2.7, 1e-4), _scene(hanging_bob(), 2.0, 1e-7), _scene(everything(), 0.5, 1e-3))
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    with sync.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def page(chromium: Any, tmp_path: Path) -> Iterator[Any]:
+    """A page that complains about nothing and asks for nothing."""
+    Animation(SCENES, "scenes").save(tmp_path / "scenes.html")
+    context = chromium.new_context(viewport={"width": 1000, "height": 900})
+    page = context.new_page()
+    complaints: list[str] = []
+    page.on("console", lambda message: complaints.append(message.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("request", lambda request: complaints.append(request.url) if "scenes.html" not in request.url else None)
+    page.goto((tmp_path / "scenes.html").as_uri())
+    yield page
+    context.close()
+    assert [text for text in complaints if not text.startswith(("data:", "Canvas2D"))] == []
+
+
+def _pixel(shown: Scene, point: np.ndarray, canvas: dict[str, float]) -> np.ndarray:
+    """Where a point of the world belongs in a canvas that shows the scene's box as large as it can."""
+    x0, y0, x1, y1 = shown.box
+    scale = min(canvas["width"] / (x1 - x0), canvas["height"] / (y1 - y0))
+    middle = np.array([x0 + x1, y0 + y1]) / 2
+    return np.array([canvas["width"], canvas["height"]]) / 2 + scale * (point - middle) * (1, -1)
+
+
+@pytest.mark.parametrize("index", [0, 1])
+@pytest.mark.parametrize("factor", [1, 1000])
+def test_a_run_s_marker_is_drawn_where_the_data_say(page: Any, index: int, factor: int) -> None:
+    shown = SCENES[index]
+    page.evaluate(f"{PLAYER}.choose({index}); {PLAYER}.magnify({factor})")
+    for option in ("traces", "names"):
+        page.uncheck(f".animation-{option}")
+    for box in page.locator("tbody input").all():
+        box.uncheck()
+    canvas = page.evaluate("(c => ({width: c.clientWidth, height: c.clientHeight}))(document.querySelector('canvas'))")
+    marker = next(iter(shown.drawing.markers))
+    for k, (run, colour) in enumerate(zip(shown.runs, ((0xD0, 0, 0), (0, 0, 0xD0)), strict=True)):
+        page.locator("tbody input").nth(k + 1).check()
+        for time in (0.0, 0.31 * shown.t[-1], float(shown.t[-1])):
+            page.evaluate(f"{PLAYER}.seek({time})")
+            there = shown.at(np.array([time]), run, factor)[0, shown.drawing.markers[marker]]
+            expected = _pixel(shown, there, canvas)
+            assert page.evaluate(f"{PLAYER}.pixelOf('{marker}', '{run.name}')") == pytest.approx(expected, abs=0.5)
+            x, y = (round(float(v)) for v in expected)
+            if 1 < x < canvas["width"] - 1 and 1 < y < canvas["height"] - 1:
+                pixel = f"document.querySelector('canvas').getContext('2d').getImageData({x}, {y}, 1, 1).data"
+                assert page.evaluate(f"Array.from({pixel})")[:3] == list(colour)
+        page.locator("tbody input").nth(k + 1).uncheck()
+
+
+@pytest.mark.parametrize("index", [0, 1, 2])
+def test_live_errors_are_the_data_s(page: Any, index: int) -> None:
+    shown = SCENES[index]
+    page.evaluate(f"{PLAYER}.choose({index})")
+    for frame in (len(shown.t) // 3, len(shown.t) - 1):
+        page.evaluate(f"{PLAYER}.seek({float(shown.t[frame])!r})")
+        for k, run in enumerate(shown.runs):
+            expected = shown.error(run)[frame]
+            assert page.evaluate(f"{PLAYER}.errorOf('{run.name}')") == pytest.approx(expected, rel=1e-5)
+            written = page.locator("tbody tr").nth(k + 1).locator("td").last.inner_text()
+            assert float(written) == pytest.approx(expected, rel=6e-3)
+
+
+def test_play_scrub_keys_and_events_move_the_drawing(page: Any) -> None:
+    picture = "document.querySelector('canvas').toDataURL()"
+    before = page.evaluate(picture)
+    page.click(".animation-play")
+    page.wait_for_function(f"{PLAYER}.time > 0.05 && {PLAYER}.time < 2")
+    assert page.evaluate(picture) != before
+    page.focus("canvas")
+    page.keyboard.press(" ")
+    assert not page.evaluate(f"{PLAYER}.playing")
+    time = page.evaluate(f"{PLAYER}.time")
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate(f"{PLAYER}.time") == pytest.approx(time + 0.005 * SCENES[0].t[-1])
+    page.locator(".animation-ticks button").first.click()
+    assert page.evaluate(f"{PLAYER}.time") == SCENES[0].events[0].time
+    page.locator(".animation-bar input").fill("0.5")
+    assert page.evaluate(f"{PLAYER}.time") == 0.5
+    page.locator(".animation-magnify input").fill("3")
+    assert page.locator(".animation-magnify output").inner_text() == "× 1,000"
+
+
+@pytest.mark.parametrize("width", [360, 390, 1200])
+def test_nothing_leaves_the_screen(page: Any, width: int) -> None:
+    page.set_viewport_size({"width": width, "height": 800})
+    page.locator("details").first.evaluate("details => { details.open = true; }")
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
