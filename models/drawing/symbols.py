@@ -140,7 +140,7 @@ def add_force_element(
             sketch.add("turn", "load", (centre,), 5 * unit, ((math.copysign(4.4, element.torque), 0.0),))
     else:
         role = "spring" if element.stiffness else "damper"
-        sketch.add("spiral", role, _directions(sketch, element), 4 * unit)
+        sketch.add("spiral", role, _directions(sketch, element), 6 * unit)
 
 
 def _directions(sketch: Sketch, element: RotationalSpringDamper | ConstantTorque) -> tuple[int, int, int]:

@@ -320,3 +320,12 @@ def test_view_without_a_display_is_one_sentence(monkeypatch: pytest.MonkeyPatch,
     monkeypatch.setattr("sys.platform", "linux")
     assert "a viewer needs a display" in refused("view", "fixed")
     assert "has no viewer" in refused("view", "fixed", "--engine", "reference")
+
+
+def test_view_opens_the_exported_scene_at_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    viewer, shown = pytest.importorskip("mujoco.viewer"), list[Any]()
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(viewer, "launch", lambda model, data: shown.append((model, data.qpos.copy())))
+    assert main(["view", "rolling"]) == 0
+    ((model, start),) = shown
+    assert model.nq == 4 and model.nlight >= 1 and not start.any()  # its joints read zero at the start

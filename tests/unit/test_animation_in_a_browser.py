@@ -20,6 +20,14 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 pytestmark = [pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed"), pytest.mark.slow]
 
 RED, BLUE = "#d00000", "#0000d0"
+SPY = """
+window.arcs = [];
+const arc = CanvasRenderingContext2D.prototype.arc;
+CanvasRenderingContext2D.prototype.arc = function (x, y, ...rest) {
+  window.arcs.push([x, y]);
+  arc.call(this, x, y, ...rest);
+};
+"""
 PLAYER = "document.querySelector('section.animation').trebucheck"
 
 
@@ -52,6 +60,7 @@ def page(chromium: Any, tmp_path: Path) -> Iterator[Any]:
     Animation(SCENES, "scenes").save(tmp_path / "scenes.html")
     context = chromium.new_context(viewport={"width": 1000, "height": 900})
     page = context.new_page()
+    page.add_init_script(SPY)
     complaints: list[str] = []
     page.on("console", lambda message: complaints.append(message.text))
     page.on("pageerror", lambda error: complaints.append(str(error)))
@@ -84,10 +93,11 @@ def test_a_run_s_marker_is_drawn_where_the_data_say(page: Any, index: int, facto
     for k, (run, colour) in enumerate(zip(shown.runs, ((0xD0, 0, 0), (0, 0, 0xD0)), strict=True)):
         page.locator("tbody input").nth(k + 1).check()
         for time in (0.0, 0.31 * shown.t[-1], float(shown.t[-1])):
-            page.evaluate(f"{PLAYER}.seek({time})")
+            arcs = np.array(page.evaluate(f"window.arcs = []; {PLAYER}.seek({time}); window.arcs"))
             there = shown.at(np.array([time]), run, factor)[0, shown.drawing.markers[marker]]
             expected = _pixel(shown, there, canvas)
             assert page.evaluate(f"{PLAYER}.pixelOf('{marker}', '{run.name}')") == pytest.approx(expected, abs=0.5)
+            assert np.hypot(*(arcs - expected).T).min() < 0.1  # the disc of the marker itself
             x, y = (round(float(v)) for v in expected)
             if 1 < x < canvas["width"] - 1 and 1 < y < canvas["height"] - 1:
                 pixel = f"document.querySelector('canvas').getContext('2d').getImageData({x}, {y}, 1, 1).data"
