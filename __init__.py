@@ -18,8 +18,10 @@ from typing import TYPE_CHECKING, Any
 from .version import __version__
 
 if TYPE_CHECKING:
+    from . import paper
     from .comparisons.compare.study import compare
     from .comparisons.diff.study import diff
+    from .comparisons.front.studies import certify, converge, explain, recommend
     from .engines.protocol import Capabilities, Engine
     from .engines.registry import engine, engines
     from .models.errors import (
@@ -75,14 +77,19 @@ __all__ = [
     "WeldJoint",
     "__version__",
     "catapult",
+    "certify",
     "compare",
+    "converge",
     "diff",
     "engine",
     "engines",
+    "explain",
     "fixed",
     "floating_arm",
     "hinged",
     "model",
+    "paper",
+    "recommend",
     "rolling",
     "throw",
 ]
@@ -94,6 +101,7 @@ _FORCE_ELEMENTS = ("ConstantForce", "ConstantTorque", "RotationalSpringDamper", 
 _HOMES = {
     "compare": "comparisons.compare.study",
     "diff": "comparisons.diff.study",
+    **dict.fromkeys(("certify", "converge", "explain", "recommend"), "comparisons.front.studies"),
     "Capabilities": "engines.protocol",
     "Engine": "engines.protocol",
     "engine": "engines.registry",
@@ -118,8 +126,8 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    if name == "engines":  # a subpackage that can be called: see its docstring
-        return importlib.import_module(".engines", __name__)
+    if name in ("engines", "paper"):  # subpackages that can be called: see their docstrings
+        return importlib.import_module(f".{name}", __name__)
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)

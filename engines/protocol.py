@@ -236,6 +236,7 @@ class BuiltinEngine(EngineOptions, ABC):
             )
 
     def _refuse_what_cannot_run(self, problem: Problem) -> None:
+        refuse_no_problem(problem)
         self.refuse_absence()
         refuse_features(problem.mechanism, self.capabilities.features, self.name)
         if problem.stop_law not in self.capabilities.stop_laws:
@@ -286,6 +287,19 @@ class BuiltinEngine(EngineOptions, ABC):
             stop_law=problem.stop_law.value,
             steps=recording.steps,
             wall_time=wall,
+        )
+
+
+def refuse_no_problem(given: object) -> None:
+    """Say what is missing where a mechanism is given for a problem.
+
+    Raises:
+        InputError: what is given is no problem.
+    """
+    if not isinstance(given, Problem):
+        what = "a Mechanism" if isinstance(given, Mechanism) else type(given).__name__
+        raise InputError(
+            f"simulate({what}) does not say for how long: simulate(tb.Problem(mechanism, duration=2.6)) does, in s."
         )
 
 

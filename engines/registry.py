@@ -20,7 +20,7 @@ from ..models.problem import Problem
 from ..models.spec import Spec
 from ..models.trajectory import Trajectory
 from .inspection import Inspectable, Inspection, State
-from .protocol import Capabilities, Engine, Simulator
+from .protocol import Capabilities, Engine, Simulator, refuse_no_problem
 from .study import Cause, ConstraintKinds, EngineStudy
 
 PLUGIN_GROUP = "trebucheck.engines"
@@ -248,6 +248,7 @@ class CompletedEngine:
 
     def simulate(self, problem: Problem) -> Trajectory:
         """As the plug-in's engine does."""
+        refuse_no_problem(problem)
         refuse_features(problem.mechanism, self.capabilities.features, self.name)
         return self.simulator.simulate(problem)
 

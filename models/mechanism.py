@@ -16,6 +16,7 @@ from pydantic import Field, model_validator
 
 from .force_elements import ForceElement, SpringDamper
 from .joints import GROUND, AnyJoint, FreeJoint, Joint, refuse_other_lengths
+from .shown import Shown
 from .spec import Name, NonNegative, Positive, Real, Spec, Vector, schema_text
 from .stops import AnyStop, PointStop, Stop
 from .tree import Configuration, Slide, Tree
@@ -49,7 +50,7 @@ class Marker(Spec):
     )
 
 
-class Mechanism(Spec):
+class Mechanism(Shown, Spec):
     """Bodies, joints, stops, force elements, markers, gravity and the start.
 
     Bodies stand in an order in which each one's first joint as a child leads to the ground or to an earlier
@@ -74,6 +75,27 @@ class Mechanism(Spec):
     )
     start: tuple[Real, ...] = Field(description="q at t = 0 [rad or m]")
     start_speeds: tuple[Real, ...] = Field(default=(), description="u at t = 0 [rad/s or m/s]; empty: at rest")
+
+    def headline(self) -> str:
+        """Its name, and how many of what it has."""
+        counts = (
+            (len(self.bodies), "body", "bodies"),
+            (len(self.joints), "joint", "joints"),
+            (len(self.stops), "stop", "stops"),
+            (len(self.force_elements), "force element", "force elements"),
+        )
+        parts = ", ".join(f"{number} {one if number == 1 else more}" for number, one, more in counts if number)
+        return f"Mechanism {self.name!r}: {parts}; coordinates {', '.join(self.coordinates)}"
+
+    def facts(self) -> Iterator[tuple[str, str]]:
+        """Its elements by name."""
+        yield "bodies", ", ".join(f"{body.name} ({body.mass:g} kg)" for body in self.bodies)
+        yield "joints", ", ".join(f"{joint.name} ({joint.kind})" for joint in self.joints)
+        yield "stops", ", ".join(f"{stop.name} ({'closed' if stop.closed else 'open'})" for stop in self.stops)
+        yield "force elements", ", ".join(f"{element.name} ({element.kind})" for element in self.force_elements)
+        yield "markers", ", ".join(marker.name for marker in self.markers)
+        yield "start", ", ".join(f"{n} = {v:.6g}" for n, v in zip(self.coordinates, self.start, strict=True))
+        yield "hash", self.content_hash[:16]
 
     @property
     def tree(self) -> Tree:

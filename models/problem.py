@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import StrEnum
 from typing import Self
 
 from pydantic import Field, model_validator
 
 from .mechanism import Mechanism
+from .shown import Shown
 from .spec import Positive, Spec
 
 _CLOSED = 1e-9  # [m] how well loops of joints must close
@@ -26,7 +28,7 @@ class StopLaw(StrEnum):
     """A stop closes again when its gap comes back to zero: an impact."""
 
 
-class Problem(Spec):
+class Problem(Shown, Spec):
     """One run: a mechanism from its start at t = 0 to t = duration [s].
 
     Raises:
@@ -37,6 +39,14 @@ class Problem(Spec):
     mechanism: Mechanism
     duration: Positive = Field(default=3.0, le=LONGEST, description="[s]")
     stop_law: StopLaw = StopLaw.RELEASE_ONCE
+
+    def headline(self) -> str:
+        """Its mechanism, duration and law."""
+        return f"Problem: {self.mechanism.name!r} for {self.duration:g} s, stops {self.stop_law.value}"
+
+    def facts(self) -> Iterable[tuple[str, str]]:
+        """Those of its mechanism."""
+        return self.mechanism.facts()
 
     @model_validator(mode="after")
     def _loops_close(self) -> Self:

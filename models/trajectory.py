@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, cast
 
 import numpy as np
 
@@ -19,8 +18,10 @@ from .files import refuse_irregular, write_bytes
 from .kinematics import Kinematics
 from .launch import Launch, locate_launch, rest_opened
 from .mechanism import Mechanism
+from .shown import Reported, Shown, load
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray as xr
 
 FORMAT = "trebucheck-trajectory-1"
@@ -66,14 +67,16 @@ class Provenance:
     """Of the whole `simulate`: build, run and read-out [s]."""
 
 
-@dataclass(frozen=True)
-class Trajectory:
+@dataclass(frozen=True, repr=False)
+class Trajectory(Reported):
     """States, forces and energies at an engine's own sample times.
 
     What an engine cannot observe is absent from the mappings, never zeros; the methods then raise an error.
     Points, torques, reactions and energies come from the engine's own quantities, not from q by our formulas,
     wherever the engine has them.
     """
+
+    reported_by: ClassVar[str] = "comparisons.report.run"
 
     mechanism: Mechanism
     t: FloatArray
@@ -98,6 +101,47 @@ class Trajectory:
     """Constraint drift: distance of the two points of a joint [m], shape (n,); only of engines that have it."""
     impacts: tuple[tuple[float, Mapping[str, float]], ...] = ()
     """Time [s] and impulses by stop [N m s] of every impact the engine resolves as one; a soft stop has none."""
+
+    def headline(self) -> str:
+        """Which engine moved what, how far."""
+        run, name = self.provenance, self.mechanism.name
+        samples = f"{len(self.t)} samples to {self.t[-1]:.6g} s"
+        return f"Trajectory of {name!r} by {run.engine} {run.preset}: {samples}"
+
+    def facts(self) -> Iterator[tuple[str, str]]:
+        """Cost, releases and what was observed."""
+        yield "engine", f"{self.provenance.engine} {self.provenance.engine_version}, {self.provenance.steps} steps"
+        yield "wall time", f"{self.provenance.wall_time:.3f} s"
+        for name, time in self.release_times.items():
+            if self.mechanism.stop(name).closed:
+                yield f"{name} opens", "not" if time is None else f"{time:.9f} s"
+        yield "markers", ", ".join(self.markers)
+        yield "joint reactions", ", ".join(self.joint_reactions) or "not observed"
+
+    _repr_html_ = Shown._repr_html_  # a table: the page of a run is for `write_html`
+
+    def rows(self) -> Iterator[Mapping[str, object]]:
+        """A sample a row; see :meth:`to_dataframe`."""
+        yield from self.to_dataframe().reset_index().to_dict("records")
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Samples as a pandas data frame by time [s], in SI units.
+
+        Columns are called 'q theta', 'projectile x', 'projectile vx', 'stop hanger rest', 'joint fulcrum x'.
+        """
+        import pandas as pd
+
+        columns: dict[str, FloatArray] = {}
+        for i, name in enumerate(self.mechanism.coordinates):
+            columns |= {f"q {name}": self.q[:, i], f"u {name}": self.u[:, i]}
+        for name, motion in self.markers.items():
+            for i, axis in enumerate("xy"):
+                columns |= {f"{name} {axis}": motion.position[:, i], f"{name} v{axis}": motion.velocity[:, i]}
+        columns |= {f"stop {name}": values for name, values in self.stop_torques.items()}
+        for name, force in self.joint_reactions.items():
+            columns |= {f"joint {name} {axis}": force[:, i] for i, axis in enumerate("xy")}
+        columns |= {"kinetic energy": self.kinetic_energy, "potential energy": self.potential_energy}
+        return pd.DataFrame(columns, index=pd.Index(self.t, name="t"))
 
     def marker(self, name: str) -> PointMotion:
         """Motion of a marker.
@@ -207,7 +251,7 @@ class Trajectory:
             InputError: another one is of another mechanism.
         """
         # Drawings are made of mechanisms, so they stand above this module and are loaded when asked for.
-        return import_module(".drawing.animation", __package__).animation_of(self, others)
+        return load("models.drawing.animation").animation_of(self, others)
 
     def launch(self, angle: float | None = None, marker: str = "projectile") -> Launch | None:
         """When the marker's velocity first comes down to the launch angle; None if it does not.

@@ -14,6 +14,7 @@ from ..models.errors import InputError
 from ..models.launch import LAUNCH_ANGLE, Launch, SmoothVelocity, first_launch, rest_opened
 from ..models.phasors import PointCoefficients
 from ..models.problem import Problem
+from ..models.shown import Shown
 from ..models.trajectory import PointMotion, Provenance, Trajectory
 from ..version import __version__
 from .equations import Equations
@@ -66,8 +67,8 @@ class Motion:
     stop_torques: Mapping[str, FloatArray]
 
 
-@dataclass(frozen=True)
-class Solution:
+@dataclass(frozen=True, repr=False)
+class Solution(Shown):
     """The reference motion of a problem, continuous in time."""
 
     problem: Problem
@@ -81,6 +82,18 @@ class Solution:
     wall_time: float
     rest_times: Mapping[str, tuple[float, ...]] = field(default_factory=dict[str, tuple[float, ...]])
     """By stop, when it ceased to bounce, or was met without rebound, and stayed closed [s]."""
+
+    def headline(self) -> str:
+        """Whose motion, how far, and through how many events."""
+        name, end = self.problem.mechanism.name, self.segments[-1].end
+        return f"Solution of {name!r}: continuous from 0 to {end:.6g} s in {len(self.segments)} segments"
+
+    def facts(self) -> Iterator[tuple[str, str]]:
+        """Its events."""
+        for name, time in self.release_times.items():
+            if self.problem.mechanism.stop(name).closed:
+                yield f"{name} opens", "not" if time is None else f"{time:.9f} s"
+        yield "impacts", str(len(self.impacts))
 
     def motion(self, t: FloatArray) -> Motion:
         """Everything at times t [s], shape (n,); at an event, the state after it.

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from ...engines.protocol import Engine
 from ...models.errors import SimulationError
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
+from ...models.shown import Reported
 from ...models.spec import Spec
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
@@ -21,9 +23,11 @@ from ..runs.study import PRESETS, OnDemand, Study, in_order, one_end
 from .machine import Case, FailedMachine, MachineRuns, RunRecord, Simulated
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Reported):
     """Results, and the motions behind them; motions of runs that were finished before are read when asked for."""
+
+    reported_by: ClassVar[str] = "comparisons.compare.report"
 
     results: Results
     solutions: Mapping[str, Solution]
@@ -32,6 +36,19 @@ class Comparison:
     """By model and run label ('mujoco tuned')."""
     repeated: bool = False
     """Every run and every figure was taken from the store: nothing was measured now."""
+
+    def headline(self) -> str:
+        """How many runs came out how."""
+        counts = Counter(run.outcome.value for run in self.results.runs)
+        found = ", ".join(f"{number} {outcome}" for outcome, number in counts.items())
+        return f"Comparison of {', '.join(machine.model for machine in self.results.machines)}: {found}"
+
+    def rows(self) -> Iterator[dict[str, object]]:
+        """A quantity of a run a row."""
+        for run in self.results.runs:
+            head = {"model": run.model, "engine": run.engine, "preset": run.preset, "outcome": run.outcome.value}
+            for metric in run.metrics:
+                yield {**head, **metric.model_dump(), "holds": metric.holds}
 
     @property
     def passed(self) -> bool:

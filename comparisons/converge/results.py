@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, JsonValue
 
 from ...models.mechanism import Mechanism
+from ...models.shown import Reported
 from ...models.spec import NonNegative, Positive, Real, Spec
 from ..runs.results import ResultFile
 
@@ -155,9 +157,25 @@ class MachineStudies(Spec):
         return next((limit for limit in self.limits if limit.label == label), None)
 
 
-class Studies(ResultFile):
+class Studies(Reported, ResultFile):
     """The whole of `trebucheck converge`."""
+
+    reported_by: ClassVar[str] = "comparisons.converge.report"
 
     format: Literal["trebucheck-converge-1"] = FORMAT
     machines: tuple[MachineStudies, ...]
     failures: dict[str, str] = Field(default_factory=dict, description="machines whose reference failed, and why")
+
+    def headline(self) -> str:
+        """How many parameters were swept of what."""
+        number = sum(len(machine.studies) for machine in self.machines)
+        names = ", ".join(machine.model for machine in self.machines)
+        return f"Convergence of {names}: {number} swept parameters"
+
+    def rows(self) -> Iterator[dict[str, object]]:
+        """A point of a sweep a row."""
+        for machine in self.machines:
+            for study in machine.studies:
+                head = {"model": machine.model, "engine": study.engine, "preset": study.preset, "knob": study.knob}
+                for point in study.points:
+                    yield {**head, **point.model_dump(exclude={"options"})}

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
+from typing import ClassVar
 
+from ...models.shown import Reported
 from ..runs.results import Diagnosis, Metric, Outcome, Run
 
 _RANKS = {
@@ -184,9 +186,11 @@ class ReferenceChange:
     """Sum of both uncertainties."""
 
 
-@dataclass(frozen=True)
-class Difference:
+@dataclass(frozen=True, repr=False)
+class Difference(Reported):
     """What changed from one comparison to another."""
+
+    reported_by: ClassVar[str] = "comparisons.diff.report"
 
     factor: float
     """Least by which an error must change to have moved."""
@@ -258,8 +262,17 @@ class Difference:
         runs = f"{self.compared} run{'' if self.compared == 1 else 's'} compared"
         return f"{head}: {', '.join([*shown, moved])}; {runs}."
 
-    def __str__(self) -> str:
+    def headline(self) -> str:
+        """The summary."""
         return self.summary
+
+    def rows(self) -> Iterator[dict[str, object]]:
+        """A quantity of a run a row, with its error before and now."""
+        for each in self.quantities:
+            values = [None if metric is None else metric.value for metric in (each.old, each.new)]
+            found = {"broke": each.broke, "mended": each.mended, "moved": each.moved(self.factor)}
+            quantity = {"quantity": each.either.label, "unit": each.either.unit, "old": values[0], "new": values[1]}
+            yield {"model": each.model, "run": each.run, **quantity, "factor": each.factor, **found}
 
     @staticmethod
     def _sorted(changes: Sequence[QuantityChange]) -> tuple[QuantityChange, ...]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, JsonValue
 
 from ...models.mechanism import Mechanism
+from ...models.shown import Reported
 from ...models.spec import Real, Spec
 from ..runs.results import ResultFile
 
@@ -121,11 +123,26 @@ class Machine(Spec):
     judged_to: Real | None = Field(default=None, description="that, or the predictability horizon if earlier [s]")
 
 
-class Explanation(ResultFile):
+class Explanation(Reported, ResultFile):
     """The whole of it."""
+
+    reported_by: ClassVar[str] = "comparisons.explain.report"
 
     format: Literal["trebucheck-explain-1"] = FORMAT
     machines: tuple[Machine, ...]
     failures: dict[str, str] = Field(default_factory=dict, description="machines whose reference failed, and why")
     budgets: tuple[Budget, ...]
     comparisons: tuple[StockAgainstTuned, ...]
+
+    def headline(self) -> str:
+        """Which runs have a budget."""
+        runs = ", ".join(f"{budget.model} by {budget.label}" for budget in self.budgets)
+        return f"Explanation of {runs or 'no run'}"
+
+    def rows(self) -> Iterator[dict[str, object]]:
+        """A cause's share of a quantity's error a row."""
+        for budget in self.budgets:
+            head = {"model": budget.model, "engine": budget.engine, "preset": budget.preset}
+            for quantity in budget.quantities:
+                for share in (*quantity.shares, quantity.rest):
+                    yield {**head, "quantity": quantity.name, "unit": quantity.unit, **share.model_dump()}

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from enum import StrEnum
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, JsonValue, model_validator
 
 from ...models.mechanism import Mechanism
+from ...models.shown import Reported
 from ...models.spec import Positive, Real, Spec
 from ..runs.results import ResultFile
 
@@ -104,8 +106,10 @@ class NeighbourMachine(Spec):
     mechanism_hash: str
 
 
-class Advice(ResultFile):
+class Advice(Reported, ResultFile):
     """What is recommended for one machine, and on what evidence."""
+
+    reported_by: ClassVar[str] = "comparisons.recommend.report"
 
     format: Literal["trebucheck-recommend-1"] = FORMAT
     model: str
@@ -121,6 +125,19 @@ class Advice(ResultFile):
     neighbours: tuple[NeighbourMachine, ...]
     measured_neighbours: Annotated[int, Field(ge=0)] = Field(description="the hardest, measured at every step tried")
     engines: tuple[EngineAdvice, ...]
+
+    def headline(self) -> str:
+        """For which engines there are settings."""
+        found = ", ".join(f"{e.engine} {f'{e.choice.step:g} s' if e.choice else 'none'}" for e in self.engines)
+        return f"Advice for {self.model!r}: {found}"
+
+    def rows(self) -> Iterator[dict[str, object]]:
+        """An engine a row."""
+        for each in self.engines:
+            choice = each.choice
+            found = {} if choice is None else {"step": choice.step, "wall_time": choice.wall_time, **dict(choice.here)}
+            settings = {} if choice is None else {"preset": choice.preset, "changes": choice.changes}
+            yield {"engine": each.engine, **settings, **found, "message": each.message}
 
     def engine(self, name: str) -> EngineAdvice:
         """The advice for the engine of that name."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -24,8 +25,12 @@ FORMATS = ("svg", "png", "pdf")
 
 
 def figures_of(document: Document) -> dict[str, Plots]:
-    """All figures of a report by their anchors, those of folds too."""
-    return {block.anchor: block for block in _figures(document.blocks) if block.anchor}
+    """All figures of a report, those of folds too, by their anchors; of those without one, by their titles."""
+    named: dict[str, Plots] = {}
+    for block in _figures(document.blocks):
+        name = block.anchor or re.sub(r"\W+", "-", block.title.lower()).strip("-") or "figure"
+        named[name if name not in named else f"{name}-{len(named) + 1}"] = block
+    return named
 
 
 def _figures(blocks: Iterable[Block]) -> Iterator[Plots]:

@@ -6,14 +6,17 @@ Each printed number is written here once: a value, and the half unit of its last
 from __future__ import annotations
 
 import re
+from collections import Counter
+from collections.abc import Iterator
 from decimal import Decimal
 from enum import StrEnum
-from typing import Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 from pydantic import Field, JsonValue
 
 from ...models.errors import InputError
 from ...models.mechanism import Mechanism
+from ...models.shown import Reported
 from ...models.spec import Real, Spec
 
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
@@ -145,8 +148,10 @@ class Series(Spec):
     y_label: str = Field(description="with unit")
 
 
-class Study(Spec):
+class Study(Reported, Spec):
     """All of it."""
+
+    reported_by: ClassVar[str] = "paper.report"
 
     format: str = FORMAT
     made: str = Field(description="date and time, ISO 8601")
@@ -159,3 +164,15 @@ class Study(Spec):
         default_factory=dict, description="identification, drag, sweep, machines, design: each one's own figures"
     )
     seconds: Real = Field(description="wall time of the whole study [s]")
+
+    def headline(self) -> str:
+        """How many rows came out how."""
+        counts = Counter(claim.verdict.value for claim in self.claims)
+        return f"The paper, {len(self.claims)} rows: " + ", ".join(f"{number} {v}" for v, number in counts.items())
+
+    def rows(self) -> Iterator[dict[str, object]]:
+        """A claim a row."""
+        for claim in self.claims:
+            ours = claim.ours
+            value = {"ours": None if ours is None else ours.value, "unit": "" if ours is None else ours.unit}
+            yield {**claim.model_dump(exclude={"ours", "engines"}), **value, "verdict": claim.verdict.value}

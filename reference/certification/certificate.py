@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Iterator
 from functools import cache
 from importlib.resources import files
-from typing import Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -18,6 +19,7 @@ from pydantic import Field
 from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism
 from ...models.problem import LONGEST, Problem
+from ...models.shown import Reported, load
 from ...models.spec import NonNegative, Real, Spec
 from ...models.trajectory import Trajectory
 from ..solution import Solution
@@ -76,8 +78,10 @@ class Figure(Spec):
         return f"{self.value:.{max(decimals, 0)}f}", f"{self.uncertainty:.1e}"
 
 
-class Certificate(Spec):
+class Certificate(Reported, Spec):
     """All figures of one machine."""
+
+    reported_by: ClassVar[str] = "comparisons.report.sections"
 
     format: Literal["trebucheck-certificate-1"] = FORMAT
     model: str
@@ -88,6 +92,20 @@ class Certificate(Spec):
     computations: tuple[Computation, ...]
     absent: tuple[str, ...] = Field(default=(), description="computations that could not be made here, and why")
     figures: tuple[Figure, ...]
+
+    def document(self) -> Any:
+        """The report: the figures, and what was left out."""
+        return load(self.reported_by).certificate_report(self)
+
+    def headline(self) -> str:
+        """How many figures, from how many computations."""
+        number = sum(computation.independent for computation in self.computations)
+        return f"Certificate of {self.model!r}: {len(self.figures)} figures from {number} independent computations"
+
+    def rows(self) -> Iterator[dict[str, object]]:
+        """A figure a row."""
+        for figure in self.figures:
+            yield figure.model_dump(exclude={"values"})
 
     def figure(self, name: str, subject: str | None = None, at: str | None = None) -> Figure | None:
         """The first figure of that name (and subject, and instant); None if there is none."""

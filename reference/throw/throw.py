@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Literal
+from functools import cached_property
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -14,6 +15,7 @@ from ...models.errors import InputError
 from ...models.joints import AnyJoint
 from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
+from ...models.shown import Reported, load
 from ...models.spec import NonNegative, Positive, Real, Spec
 from ..solution import Solution
 from ..solver import characteristic_time, solve_until
@@ -68,8 +70,10 @@ class Sensitivity(Spec):
     range: Real | None = Field(description="[m per unit]; None where it does not land")
 
 
-class Throw(Spec):
+class Throw(Reported, Spec):
     """Everything about one throw, in SI units and radians."""
+
+    reported_by: ClassVar[str] = "comparisons.throw.report"
 
     format: Literal["trebucheck-throw-1"] = FORMAT
     mechanism: Mechanism
@@ -88,15 +92,46 @@ class Throw(Spec):
     warnings: tuple[str, ...] = ()
     sensitivities: tuple[Sensitivity, ...] = ()
 
+    @cached_property
+    def performance(self) -> Performance:
+        """The continuous motion and the flights behind the figures.
+
+        Raises:
+            InputError: the throw was read from a file, which holds only figures.
+        """
+        raise InputError("this throw was read from a file and has no motion to show; tb.throw makes it again.")
+
+    def __getstate__(self) -> dict[Any, Any]:
+        """Without the motion, whose parts are functions."""
+        state = super().__getstate__()
+        return {**state, "__dict__": {k: v for k, v in state["__dict__"].items() if k != "performance"}}
+
+    def document(self) -> Any:
+        """The report, of the motion behind the figures, too."""
+        return load(self.reported_by).document(self.performance, self)
+
+    def headline(self) -> str:
+        """The range, and how it was let go."""
+        return f"Throw of {self.mechanism.name!r}: range {self.flight.range:.6g} m, released {self.released}"
+
+    def rows(self) -> Iterator[dict[str, object]]:
+        """The release chosen, and the best one: figures of launch and flight."""
+        for name, launch, flight in (
+            ("chosen", self.launch, self.flight), ("best", self.best_launch, self.best_flight)
+        ):  # fmt: skip
+            if launch is not None and flight is not None:
+                launched = {f"launch_{key}": value for key, value in launch}
+                yield {"release": name, **launched, **{f"flight_{key}": value for key, value in flight}}
+
     @property
     def gain(self) -> float | None:
         """What the best release would add to the range [m]."""
         return None if self.best_flight is None else self.best_flight.range - self.flight.range
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Performance:
-    """A throw with the continuous motion and flights behind its figures."""
+    """A throw with the continuous motion and flights behind its figures; its figures are what is compared."""
 
     throw: Throw
     projectile: Projectile
@@ -145,7 +180,9 @@ def throw(
         SimulationError: the integrator's step size collapsed.
     """
     chosen = {"release_angle": release_angle, "release_time": release_time, "sling_angle": sling_angle}
-    return perform(mechanism, chosen, best=best, density=density, drag_area=drag_area, body=body, height=height).throw
+    performance = perform(mechanism, chosen, best=best, density=density, drag_area=drag_area, body=body, height=height)
+    vars(performance.throw)["performance"] = performance
+    return performance.throw
 
 
 def perform(
