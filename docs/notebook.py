@@ -17,11 +17,15 @@ Cell = dict[str, Any]
 def outputs(source: str, names: dict[str, Any]) -> Iterator[Cell]:
     """Of a cell of code: what it prints, and the value of its last expression."""
     statements = ast.parse(source).body
-    last = statements.pop() if statements and isinstance(statements[-1], ast.Expr) else None
+    last = statements[-1] if isinstance(statements[-1], ast.Expr) else None
+    if last is not None:
+        statements.pop()
     printed = io.StringIO()
     with redirect_stdout(printed):
         exec(compile(ast.Module(statements, []), "<cell>", "exec"), names)
-        value = eval(compile(ast.Expression(last.value), "<cell>", "eval"), names) if isinstance(last, ast.Expr) else None
+        value = (
+            eval(compile(ast.Expression(last.value), "<cell>", "eval"), names) if isinstance(last, ast.Expr) else None
+        )
     if printed.getvalue():
         yield {"output_type": "stream", "name": "stdout", "text": printed.getvalue().splitlines(keepends=True)}
     if value is not None:

@@ -19,7 +19,7 @@ NOTEBOOK = "comparisons.report.notebook"
 _ROOT = (__package__ or "").rpartition(".")[0]
 
 
-def load(name: str) -> Any:
+def load_module(name: str) -> Any:
     """A module of this package, by its name from the package's root."""
     return import_module(f"{_ROOT}.{name}")
 
@@ -57,7 +57,7 @@ class Reported(Shown):
 
     def document(self) -> Any:
         """The report as a list of blocks (`comparisons/report/document.py`)."""
-        return load(self.reported_by).document(self)
+        return load_module(self.reported_by).document(self)
 
     def rows(self) -> Iterable[Mapping[str, object]]:
         """What was found, a mapping a row."""
@@ -78,7 +78,7 @@ class Reported(Shown):
         Raises:
             InputError: the report has no figure of that name; the sentence lists them.
         """
-        return load(NOTEBOOK).figure(self, name)
+        return load_module(NOTEBOOK).figure(self, name)
 
     def write_html(self, path: str | Path) -> None:
         """Write the report as one HTML file that needs nothing else.
@@ -86,7 +86,7 @@ class Reported(Shown):
         Raises:
             UnwritableError: the folder cannot be written to, or has no room.
         """
-        load(NOTEBOOK).write(self, path)
+        load_module(NOTEBOOK).write(self, path)
 
     def _repr_html_(self) -> str:
-        return load(NOTEBOOK).frame(self)
+        return load_module(NOTEBOOK).frame(self)

@@ -18,7 +18,7 @@ from .files import refuse_irregular, write_bytes
 from .kinematics import Kinematics
 from .launch import Launch, locate_launch, rest_opened
 from .mechanism import Mechanism
-from .shown import Reported, Shown, load
+from .shown import Reported, Shown, load_module
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -251,7 +251,7 @@ class Trajectory(Reported):
             InputError: another one is of another mechanism.
         """
         # Drawings are made of mechanisms, so they stand above this module and are loaded when asked for.
-        return load("models.drawing.animation").animation_of(self, others)
+        return load_module("models.drawing.animation").animation_of(self, others)
 
     def launch(self, angle: float | None = None, marker: str = "projectile") -> Launch | None:
         """When the marker's velocity first comes down to the launch angle; None if it does not.

@@ -19,7 +19,7 @@ from pydantic import Field
 from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism
 from ...models.problem import LONGEST, Problem
-from ...models.shown import Reported, load
+from ...models.shown import Reported, load_module
 from ...models.spec import NonNegative, Real, Spec
 from ...models.trajectory import Trajectory
 from ..solution import Solution
@@ -95,7 +95,7 @@ class Certificate(Reported, Spec):
 
     def document(self) -> Any:
         """The report: the figures, and what was left out."""
-        return load(self.reported_by).certificate_report(self)
+        return load_module(self.reported_by).certificate_report(self)
 
     def headline(self) -> str:
         """How many figures, from how many computations."""

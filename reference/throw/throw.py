@@ -15,7 +15,7 @@ from ...models.errors import InputError
 from ...models.joints import AnyJoint
 from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
-from ...models.shown import Reported, load
+from ...models.shown import Reported, load_module
 from ...models.spec import NonNegative, Positive, Real, Spec
 from ..solution import Solution
 from ..solver import characteristic_time, solve_until
@@ -108,7 +108,7 @@ class Throw(Reported, Spec):
 
     def document(self) -> Any:
         """The report, of the motion behind the figures, too."""
-        return load(self.reported_by).document(self.performance, self)
+        return load_module(self.reported_by).document(self.performance, self)
 
     def headline(self) -> str:
         """The range, and how it was let go."""
