@@ -155,7 +155,10 @@ def _of_one(
     shortest = min(float(trajectory.t[-1]) for trajectory in trajectories)
     law = StopLaw(first.provenance.stop_law)
     runner = Runner(first.mechanism, worker, Until.of(shortest if until is None else until), law)
-    runs = {f"{run.provenance.engine} {run.provenance.preset}": run for run in trajectories}
+    runs: dict[str, Trajectory] = {}
+    for run in trajectories:
+        label = f"{run.provenance.engine} {run.provenance.preset}"
+        runs[f"{label}, {run.provenance.steps} steps" if label in runs else label] = run
     launch = runner.launch_time
     # What engines ran on after the launch for is not part of the comparison.
     end = min(runner.end, shortest) if until is not None or launch is None else min(launch, shortest)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -22,18 +22,19 @@ from .draw import draw
 from .events import Event, events_of
 from .shapes import MOVING, Box, Drawing
 
-_FRAMES, _FEWEST = 180, 90
+_FRAMES, _FEWEST = 180, 60
 _NUMBERS = 8_000  # of all frames together; a mechanism of many bodies has fewer frames
 _NEAR = 0.015  # parts of the end: about an event the frames are closer
 _MOST_EVENTS = 12  # about which they are
 _FRAMED = 60  # that have frames of their own
 _BEFORE = 1e-7  # parts of the end
 _SAME = 1e-3  # a marker is where q puts it, if it is less than this share of its deviation away
+_KEPT = 4  # motions at the samples of runs
 _SAME_TIME = 1e-9  # parts of the end
 _WIDER, _MARGIN = 0.15, 0.03  # of the size: by how much runs widen the view at most, and what is left beside them
 _ROUNDING = 1e-14  # of the size, below which a deviation is rounding
 
-_MOST = 1e12  # times that a deviation is magnified
+_MOST = 1e8  # times that a deviation is magnified
 
 States = Callable[[FloatArray], Trajectory]
 """A motion at any times [s] up to its end."""
@@ -208,8 +209,19 @@ def scene(
         t = _grid(end, [event.time for event in events], len(first.q[0]) * (len(runs) + 1))
     reference = states(t)
     drawing = draw(first.mechanism, reference.q)
-    motions = tuple(_motion_of(label, run, states, drawing, t) for label, run in runs.items())
+    at_samples = _remembered(states)
+    motions = tuple(_motion_of(label, run, at_samples, drawing, t) for label, run in runs.items())
     return Scene(name or first.mechanism.name, drawing, t, reference, motions, events, notes=notes, magnify=magnify)
+
+
+def _remembered(states: States) -> States:
+    """The same for the last times that were asked for: runs of one step share theirs."""
+
+    @lru_cache(_KEPT)
+    def read(times: bytes) -> Trajectory:
+        return states(np.frombuffer(times))
+
+    return lambda times: read(times.tobytes())
 
 
 def _event_times(first: Trajectory, runs: Mapping[str, RunLook], end: float) -> list[float]:
