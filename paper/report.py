@@ -45,7 +45,7 @@ def document(study: Study) -> Document:
         Note(intro),
         doc.Tiles(tiles),
         Text(f"{headline(study)} {agreement(study)}", medium="page"),
-        Heading("What matters most"),
+        Heading("What matters most", 2),
         doc.page_only(most_important),
         *_claims(study, names),
         *_figures(study),

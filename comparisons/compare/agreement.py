@@ -151,7 +151,7 @@ def overview(results: Results) -> Table:
     quantities = [q for q in OVERVIEW if any(q.metrics(run) for run in results.runs)]
     heads = [
         Column("engine", of=lambda run: run.label),
-        Column("verdict", align="left", of=verdict_cell),
+        Column("verdict", align="left", wrap=False, of=verdict_cell),
         *(Column(quantity.title, quantity.unit) for quantity in quantities),
         Column("further", align="left"),
         Column("step", "s"),

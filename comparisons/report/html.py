@@ -34,6 +34,7 @@ def page(document: Document) -> str:
         animated=_animated,
         animation_assets=animation.assets,
         anchor=state.anchor,
+        below=lambda: state.level + 1,
         outline=lambda: state.outline,
         drawn=state.drawn,
         arrays=lambda: Markup(_json(state.arrays)),
@@ -85,6 +86,8 @@ class _Page:
     arrays: list[str] = field(default_factory=list[str])
     taken: set[str] = field(default_factory=set[str])
     has_plots: bool = False
+    level: int = 1
+    """Of the last heading."""
     _index: dict[str, int] = field(default_factory=dict[str, int])
 
     def anchor(self, heading: Heading) -> str:
@@ -92,6 +95,7 @@ class _Page:
         stem = heading.anchor or re.sub(r"[^a-z0-9]+", "-", heading.text.lower()).strip("-") or "part"
         anchor = next(name for name in (stem, *(f"{stem}-{n}" for n in range(2, 10**6))) if name not in self.taken)
         self.taken.add(anchor)
+        self.level = heading.level
         if heading.level == 2:
             self.outline.append(Entry(heading.text, anchor))
         elif heading.level == 3 and self.outline:

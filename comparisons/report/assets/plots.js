@@ -3,7 +3,7 @@
 (() => {
   const arrays = JSON.parse(document.getElementById("arrays").textContent).map(decode);
   const groups = new Map(); // zoomed interval of x, and series left out, by group of plots
-    const LEFT = 64, NAMES = 150, SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
+  const LEFT = 64, NAMES = 150, SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 
   function decode(text) {
     const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
@@ -120,7 +120,7 @@
       x: scale(plot.x, interval ?? domainOf(plot.x, [...across, ...(plot.y.categories.length ? [0, ...spread, room] : [])], lines ? 0 : 0.06)),
       y: scale(plot.y, domainOf(plot.y, [...of("y"), ...(barred ? [0] : [])], barred ? 0.02 : 0.06), true), marks: marksOf(plot, series),
     });
-    drawn.removeAttribute("aria-label");
+    drawn.setAttribute("aria-hidden", "true"); // its box has a name, and says what it shows
     box.replaceChildren(drawn);
     const toX = drawn.scale("x");
     if (!plot.x.categories.length) brush(figure, drawn, (px) => toX.invert(px), width);

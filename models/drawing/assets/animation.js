@@ -154,7 +154,7 @@
     constructor(canvas) { this.canvas = canvas; this.context = canvas.getContext("2d"); }
     fit([x0, y0, x1, y1]) {
       const { canvas } = this, width = canvas.clientWidth || 600, ratio = window.devicePixelRatio || 1;
-      const least = width < 500 ? 0.7 : 0.45, most = Math.max(260, Math.min(width * 1.1, 0.72 * window.innerHeight));
+      const least = width < 500 ? 0.7 : 0.36, most = Math.max(260, Math.min(width * 1.1, parseFloat(getComputedStyle(canvas).maxHeight) || Infinity));
       const height = Math.round(Math.min(Math.max(width * (y1 - y0) / (x1 - x0), least * width, 240), most));
       canvas.style.height = `${height}px`;
       canvas.width = Math.round(width * ratio);
