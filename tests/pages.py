@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from functools import cache, partial
+from dataclasses import replace
+from functools import cache
 
 import trebucheck as tb
 from trebucheck.comparisons.compare import report as compare_report
@@ -20,7 +21,7 @@ from trebucheck.comparisons.recommend.results import Asked
 from trebucheck.comparisons.recommend.study import recommend
 from trebucheck.comparisons.report.document import Document
 from trebucheck.comparisons.report.sections import certificate_report
-from trebucheck.comparisons.runs.results import Outcome, Results
+from trebucheck.comparisons.runs.results import Outcome
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.throw import report as throw_report
 from trebucheck.models.problems.registry import benchmark
@@ -48,17 +49,12 @@ def comparison() -> Comparison:
             "message": "engine 'exudyn' is not installed here: pip install exudyn",
         }
     )
-    return _with(found, found.results.model_copy(update={"runs": (*runs, absent), "command": COMMAND}))
-
-
-def _with(found: Comparison, results: Results) -> Comparison:
-    from dataclasses import replace
-
+    results = found.results.model_copy(update={"runs": (*runs, absent), "command": COMMAND})
     return replace(found, results=results)
 
 
 def _study(model: str) -> Study:
-    return Study([model], ["pymunk"], presets=["stock"], isolate=False)
+    return Study([model], ["pymunk"], presets=["stock"], until=1.0, isolate=False)
 
 
 def _throw() -> Document:

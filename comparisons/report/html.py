@@ -108,7 +108,7 @@ class _Page:
         self.has_plots = True
         listed = {series.name: series for plot in panels for series in plot.series if series.listed}
         legend = [Key(series.name, _swatch(series)) for series in listed.values()] if len(listed) > 1 else []
-        places = [Panel(plot.title, _alt(block, plot), plot.height) for plot in panels]
+        places = [Panel(plot.title, _alt(block, plot), 0 if plot.equal else plot.height) for plot in panels]
         if block.anchor and block.title and self.outline:
             self.outline[-1].parts.append(Entry(block.title, block.anchor))
         columns = block.columns or min(len(panels), 3)

@@ -79,7 +79,14 @@ def show(browser: Browser) -> Iterator[Callable[[Path], Opened]]:
         found = Opened(page, path.stat().st_size)
         page.on("console", lambda said: found.complaints.append(f"{said.type}: {said.text}"))
         page.on("pageerror", lambda error: found.complaints.append(str(error)))
-        page.on("request", lambda sent: None if sent.url == path.as_uri() or sent.url.startswith("data:") else found.complaints.append(f"asks for {sent.url}"))
+        page.on(
+            "request",
+            lambda sent: (
+                None
+                if sent.url == path.as_uri() or sent.url.startswith("data:")
+                else found.complaints.append(f"asks for {sent.url}")
+            ),
+        )
         page.goto(path.as_uri())
         return found
 

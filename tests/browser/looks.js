@@ -19,8 +19,8 @@
     }
     return null;
   },
-  // Elements that cross the edges of a page of that width; a listing or a wide table may scroll within itself.
-  leaving(width) {
+  // Elements that cross the edges of a page of that width, but for those in boxes that may scroll within themselves.
+  leaving(width, scrolling = "pre, .animation-scroll") {
     const found = [];
     if (document.documentElement.scrollWidth > width) found.push(`the page is ${document.documentElement.scrollWidth} px wide`);
     for (const element of document.body.querySelectorAll("*")) {
@@ -28,7 +28,7 @@
       const box = element.getBoundingClientRect();
       if (!box.width || (box.left >= -0.5 && box.right <= width + 0.5)) continue;
       const scroller = this.scrolled(element);
-      if (scroller && scroller.matches("pre, .animation-scroll") && !element.closest("svg")) continue;
+      if (scroller && scroller.matches(scrolling) && !element.closest("svg")) continue;
       found.push(`${this.name(element)} from ${box.left.toFixed(1)} to ${box.right.toFixed(1)}`);
     }
     return found;
@@ -86,5 +86,22 @@
       else if (!document.getElementById(decodeURIComponent(to.slice(1)))) found.push(`a link leads nowhere: ${to}`);
     }
     return found;
+  },
+  // From now on, what the focus comes to, and whether that is seen; the number of places it has to come to.
+  watch_focus() {
+    const stops = "a[href], button:enabled, input:enabled, select:enabled, summary, [tabindex='0']";
+    window.reached = new Map();
+    window.wanted = [...document.querySelectorAll(stops)].filter((e) => e.checkVisibility({visibilityProperty: true}) && e.getClientRects().length);
+    document.addEventListener("focusin", ({target}) => {
+      const style = getComputedStyle(target), box = target.getBoundingClientRect();
+      const seen = style.outlineStyle !== "none" && parseFloat(style.outlineWidth) >= 2;
+      reached.set(target, seen && box.right > 0 && box.bottom > 0 && box.top < innerHeight);
+    });
+    document.activeElement.blur();
+    scrollTo(0, 0);
+    return wanted.length;
+  },
+  unreached() {
+    return wanted.filter((e) => !reached.get(e)).map((e) => `${reached.has(e) ? "no outline" : "not reached"}: ${this.name(e)}`);
   },
 })

@@ -132,9 +132,10 @@
     drawn.addEventListener("pointerdown", (event) => {
       if (event.pointerType === "touch") return; // a finger scrolls
       start = at(event);
+      drawn.setPointerCapture(event.pointerId); // the tip that is drawn anew below the pointer ends no drag
       shade = drawn.appendChild(document.createElementNS("http://www.w3.org/2000/svg", "rect"));
       for (const [k, v] of [["y", 14], ["height", drawn.viewBox.baseVal.height - 58], ["class", "brush"]]) shade.setAttribute(k, v);
-    });
+    }, {capture: true}); // a plot that shows a tip keeps the event to itself
     drawn.addEventListener("pointermove", (event) => {
       if (start === null) return;
       shade.setAttribute("x", Math.min(start, at(event)));
@@ -148,7 +149,7 @@
       if (b - a > 6) zoom(figure, [invert(a), invert(b)]);
     };
     drawn.addEventListener("pointerup", end);
-    drawn.addEventListener("pointerleave", end);
+    drawn.addEventListener("pointercancel", end);
     drawn.addEventListener("dblclick", () => zoom(figure, null));
   }
 

@@ -155,8 +155,8 @@
     fit([x0, y0, x1, y1]) {
       const { canvas } = this, width = canvas.clientWidth || 600, ratio = window.devicePixelRatio || 1;
       const least = width < 500 ? 0.7 : 0.36, most = Math.max(260, Math.min(width * 1.1, parseFloat(getComputedStyle(canvas).maxHeight) || Infinity));
-      const height = Math.round(Math.min(Math.max(width * (y1 - y0) / (x1 - x0), least * width, 240), most));
-      canvas.style.height = `${height}px`;
+      canvas.style.height = `${Math.round(Math.min(Math.max(width * (y1 - y0) / (x1 - x0), least * width, 240), most))}px`;
+      const height = canvas.clientHeight; // less the border
       canvas.width = Math.round(width * ratio);
       canvas.height = Math.round(height * ratio);
       this.context.setTransform(canvas.width / width, 0, 0, canvas.height / height, 0, 0);
@@ -272,9 +272,9 @@
       const c = this.context;
       c.font = "12px system-ui, sans-serif";
       Object.assign(c, { lineJoin: "round", lineWidth: 3, strokeStyle: background, fillStyle: colour });
-      const width = c.measureText(text).width, left = Math.min(Math.max(x, 3), this.width - width - 3);
-      c.strokeText(text, left, y);
-      c.fillText(text, left, y);
+      const width = c.measureText(text).width, left = Math.min(Math.max(x, 3), this.width - width - 3), line = Math.min(Math.max(y, 12), this.height - 4);
+      c.strokeText(text, left, line);
+      c.fillText(text, left, line);
     }
   }
 
