@@ -16,7 +16,7 @@ from ...models.arrays import BoolArray, FloatArray
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 from .balance import reference_balance, sampled_balance
-from .impacts import impact_times, paired
+from .impacts import Pair, impact_times, paired
 from .results import Metric
 from .scales import Scales, away_from_poles, scales_until
 from .stretching import Stretching
@@ -90,6 +90,11 @@ class Comparison:
         """Which compared samples are not beside a singular position of the reference, a pole of forces."""
         return away_from_poles(self.solution, self.t, self.scales.time)
 
+    def impact_pairs(self, stop: str) -> list[Pair]:
+        """Times of a stop's impacts in the trajectory and in the reference, side by side (:func:`.impacts.paired`)."""
+        times, expected = impact_times(self.trajectory, stop), impact_times(self.solution, stop)
+        return paired(times, expected, self.step, min(float(self.trajectory.t[-1]), self.solution.problem.duration))
+
     def distance(self, values: FloatArray, reference: FloatArray) -> FloatArray:
         """|values - reference| at the compared times; Euclidean over a trailing axis, if there is one."""
         difference = (values - reference)[self.keep]
@@ -132,7 +137,7 @@ def _impact_windows(c: Comparison) -> Iterator[tuple[float, float]]:
     for stop in c.trajectory.mechanism.stops:
         times, expected = impact_times(c.trajectory, stop.name), impact_times(c.solution, stop.name)
         yield from ((time, time) for time in [*times, *expected])
-        pairs = paired(times, expected, c.step)
+        pairs = c.impact_pairs(stop.name)
         yield from ((min(own, other), max(own, other)) for own, other in pairs if own is not None and other is not None)
 
 

@@ -4,7 +4,8 @@ An engine with a step does not resolve a rebound that is shorter: a stop that bo
 the reference, or at other instants, and later ones have other numbers. So impacts are aligned: a pair costs the
 difference of its times; to leave out an impact at the end of an unresolved rebound costs a step; any other impact of
 only one of the two is a disagreement. Unresolved is a rebound of the engine's that is shorter than its step, or one
-of the reference's that is shorter than `FOLLOWED` steps, for an engine may end bouncing some steps earlier.
+of the reference's that is shorter than `FOLLOWED` steps, for an engine may end bouncing some steps earlier. An impact
+that one has when the other's motion has ended costs nothing.
 """
 
 from __future__ import annotations
@@ -33,15 +34,18 @@ def impact_times(motion: Trajectory | Solution, stop: str) -> list[float]:
     return [time for time, impulses in motion.impacts if impulses.get(stop, 0.0) > 0]
 
 
-def paired(times: Sequence[float], expected: Sequence[float], step: float) -> list[Pair]:
-    """Impacts of one stop in the order of their times, those at the end of an unresolved rebound only if both have one.
+def paired(times: Sequence[float], expected: Sequence[float], step: float, until: float = math.inf) -> list[Pair]:
+    """Impacts of one stop in the order of their times.
+
+    Those at the end of an unresolved rebound, or beyond the end of the shorter motion, only if both have one.
 
     Args:
         times: of the engine's [s].
         expected: of the reference's [s].
         step: of the engine [s].
+        until: end of the motion that ends first [s].
     """
-    own, reference = _resolvable(times, step, 1.0), _resolvable(expected, step, FOLLOWED)
+    own, reference = _resolvable(times, step, 1.0, until), _resolvable(expected, step, FOLLOWED, until)
     costs = _costs(own, reference, step)
     pairs, i, j = list[Pair](), len(own), len(reference)
     while i or j:
@@ -57,11 +61,11 @@ def paired(times: Sequence[float], expected: Sequence[float], step: float) -> li
     return pairs[::-1]
 
 
-def _resolvable(times: Sequence[float], step: float, shortest: float) -> list[tuple[float, float]]:
+def _resolvable(times: Sequence[float], step: float, shortest: float, until: float) -> list[tuple[float, float]]:
     """Impacts [s] that may have a counterpart, and what each costs that has none; `shortest` in steps."""
     rebounds = [math.inf, *np.diff(times).tolist()]
     kept = [(t, rebound) for t, rebound in zip(times, rebounds, strict=False) if rebound > _DROPPED * step]
-    return [(t, 1.0 if rebound < shortest * step else _MISSING) for t, rebound in kept[:_MOST]]
+    return [(t, 0.0 if t > until else 1.0 if rebound < shortest * step else _MISSING) for t, rebound in kept[:_MOST]]
 
 
 def _costs(own: list[tuple[float, float]], reference: list[tuple[float, float]], step: float) -> FloatArray:

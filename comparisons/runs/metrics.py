@@ -18,7 +18,7 @@ from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 from .balance import keeps_horizontal_momentum, sampled_balance
 from .comparison import EVENT_GUARD, THROWN, Comparison, not_observed
-from .impacts import impact_times, paired
+from .impacts import impact_times
 from .parting import parting
 from .results import Metric
 from .scales import Scales
@@ -151,13 +151,14 @@ def _impacts(c: Comparison) -> Iterator[Metric]:
         if stop.name in c.solution.undetermined_stops:
             yield not_observed("impact_time", stop.name, "s", _REDUNDANT)
             continue
-        yield _worst_impact(c, stop.name, times, expected)
+        yield from _worst_impact(c, stop.name)
 
 
-def _worst_impact(c: Comparison, stop: str, times: list[float], expected: list[float]) -> Metric:
-    pairs = paired(times, expected, c.step)[:_COUNTED_IMPACTS]
+def _worst_impact(c: Comparison, stop: str) -> Iterator[Metric]:
+    pairs = c.impact_pairs(stop)[:_COUNTED_IMPACTS]
     metrics = [_event_metric(c, "impact_time", stop, *pair, "met") for pair in pairs if _either_within(c, *pair)]
-    return max(metrics, key=lambda metric: np.inf if metric.value is None else abs(metric.value))
+    if metrics:
+        yield max(metrics, key=lambda metric: np.inf if metric.value is None else abs(metric.value))
 
 
 def _torques(c: Comparison) -> Iterator[Metric]:

@@ -45,3 +45,12 @@ def test_an_engine_that_bounces_where_the_reference_rests_disagrees(length: floa
 def test_impacts_that_come_late_are_still_paired() -> None:
     late = [t + 0.02 for t in bounces(0.5, least=0.01)]
     assert paired(late, bounces(0.5), STEP)[:5] == list(zip(late[:5], bounces(0.5)[:5], strict=True))
+
+
+def test_an_impact_after_the_end_of_the_shorter_motion_is_nobodys_counterpart() -> None:
+    """Nor missing in it; at the very end, where it falls on either side, it is paired."""
+    own, longer = [0.5, 0.9], [0.5, 0.9, 1.24]
+    assert paired(own, longer, STEP, until=1.02) == [(0.5, 0.5), (0.9, 0.9)]
+    assert paired([*own, 0.95], longer, STEP, until=1.02)[2] in ((0.95, None), (0.95, 1.24))  # no tolerance is so wide
+    assert paired(longer, [*own, 0.9 + 0.9 * FOLLOWED * STEP], STEP, until=1.02) == [(0.5, 0.5), (0.9, 0.9)]
+    assert paired([0.5, 0.9999], [0.5, 1.0001], STEP, until=1.0)[1] == (0.9999, 1.0001)
