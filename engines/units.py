@@ -1,8 +1,9 @@
 """Units in which a mechanism is neither small nor large, for engines with absolute floors and tolerances.
 
 MuJoCo has a least inertia (1e-15 kg m^2) and Exudyn a residual that is small enough (1e-9 N). A mechanism of a few
-millimetres or grams, or of kilometres, is built in units of its own: powers of two, so that no number is rounded, and
-of lengths the square of those of times, so that gravity keeps its number. What an engine records is read back in SI.
+millimetres or grams, or of kilometres, or that hardly moves in a second, is built in units of its own: powers of two,
+so that no number is rounded, and of lengths the square of those of times, so that gravity keeps its number, unless the
+motion would be slow. What an engine records is read back in SI.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from .protocol import Recording
 
 _LENGTHS, _MASSES = (0.25, 200.0), (0.05, 1e6)  # [m], [kg] mechanisms between these are built in SI
 _LENGTH, _MASS = 16.0, 1024.0  # [m], [kg] what others get: about Table I's
+_SLOW = 0.125  # [1/s] fastest rate of a slow motion: its accelerations fall below what engines resolve
 
 
 class _Options(Protocol):
@@ -44,6 +46,11 @@ class Units:
     length: float = 1.0
     mass: float = 1.0
     time: float = 1.0
+
+    @property
+    def inverse(self) -> Self:
+        """What carries back."""
+        return type(self)(1 / self.length, 1 / self.mass, 1 / self.time)
 
     @property
     def force(self) -> float:
@@ -240,16 +247,39 @@ SI = Units()
 
 
 def units_of(mechanism: Mechanism) -> Units:
-    """SI, but for mechanisms that are very small, light, large or heavy."""
+    """SI, but for mechanisms that are very small, light, large, heavy or slow."""
+    length, mass = _length(mechanism), max(body.mass for body in mechanism.bodies)
+    if length <= 0:
+        return SI
+    units, rate = SI, _rate(mechanism, length, mass)
+    if not (_LENGTHS[0] <= length <= _LENGTHS[1] and _MASSES[0] <= mass <= _MASSES[1]):
+        time = 2.0 ** round(math.log2(length / _LENGTH) / 2)
+        units = Units(time**2, 2.0 ** round(math.log2(mass / _MASS)), time)
+    return replace(units, time=2.0 ** -round(math.log2(rate))) if 0 < rate * units.time < _SLOW else units
+
+
+def _length(mechanism: Mechanism) -> float:
+    """The farthest point from its body's origin, or the largest radius of gyration [m]."""
     points = [point for joint in mechanism.joints for point in (joint.parent_point, joint.child_point)]
     points += [body.centre for body in mechanism.bodies]
     for element in mechanism.force_elements:
         points += [element.point] if isinstance(element, SpringDamper | ConstantForce) else []
         points += [element.relative_point] if isinstance(element, SpringDamper) else []
     length = max(math.hypot(*point) for point in points)
-    length = max(length, *(math.sqrt(body.inertia / body.mass) for body in mechanism.bodies))
-    mass = max(body.mass for body in mechanism.bodies)
-    if length <= 0 or (_LENGTHS[0] <= length <= _LENGTHS[1] and _MASSES[0] <= mass <= _MASSES[1]):
-        return SI
-    time = 2.0 ** round(math.log2(length / _LENGTH) / 2)
-    return Units(time**2, 2.0 ** round(math.log2(mass / _MASS)), time)
+    return max(length, *(math.sqrt(body.inertia / body.mass) for body in mechanism.bodies))
+
+
+def _rate(mechanism: Mechanism, length: float, mass: float) -> float:
+    """The fastest of what the start's speeds, gravity, springs and forces make of a body of that size [1/s]."""
+    angles, squares = len(mechanism.angles), [mechanism.gravity / length]
+    speeds = [abs(u) if i < angles else abs(u) / length for i, u in enumerate(mechanism.start_speeds)]
+    for element in mechanism.force_elements:
+        if isinstance(element, SpringDamper):
+            squares += [element.stiffness / mass]
+        elif isinstance(element, RotationalSpringDamper):
+            squares += [element.stiffness / (mass * length**2)]
+        elif isinstance(element, ConstantForce):
+            squares += [math.hypot(*element.force) / (mass * length)]
+        else:
+            squares += [abs(element.torque) / (mass * length**2)]
+    return max(*speeds, math.sqrt(max(squares))) if speeds else math.sqrt(max(squares))

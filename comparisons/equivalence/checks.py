@@ -17,6 +17,7 @@ import numpy as np
 
 from ...engines.inspection import Dynamics, Inspectable, Inspection, State
 from ...engines.protocol import Engine
+from ...engines.units import units_of
 from ...models.arrays import FloatArray
 from ...models.errors import EngineNotInstalledError, SimulationError, UnsupportedProblemError
 from ...models.mechanism import Mechanism
@@ -63,7 +64,7 @@ class Expected:
     centres: FloatArray
     """Shape (n_states, n_bodies, 2) [m]."""
     inertial: FloatArray
-    """What the inertia of each coordinate makes of its largest speed, or of 1 rad/s, squared; shape (n_q,)."""
+    """What the inertia of each coordinate makes of its largest speed, or of 1 in its units, squared; shape (n_q,)."""
     inertial_torques: dict[str, float]
     """The same by stop, of the lightest coordinate that it acts on."""
 
@@ -110,7 +111,9 @@ def expected(mechanism: Mechanism, states: Sequence[State], equations: Equations
     accelerations, torques = _solved(equations, states, q, u)
     gaps = {stop.name: kinematics.gap(stop.name, q).tolist() for stop in mechanism.stops}
     rows = [kinematics.point(body.name, body.centre) for body in mechanism.bodies]
-    inertial = equations.mass_matrix(q).max(axis=0).diagonal() * np.maximum(np.square(u).max(axis=0), _SPEED**2)
+    units = units_of(mechanism)
+    least = (_SPEED * units.coordinates(mechanism) / units.time) ** 2
+    inertial = equations.mass_matrix(q).max(axis=0).diagonal() * np.maximum(np.square(u).max(axis=0), least)
     return Expected(
         mass=equations.mass_matrix(q),
         forces=equations.forces(q, u),
@@ -211,10 +214,12 @@ def _start_and_mass(mechanism: Mechanism, inspection: Inspection) -> Iterator[Ch
         yield _exactly("total mass", None, abs(inspection.total_mass - total) / total)
     names = mechanism.coordinates
     difference = np.abs(inspection.start - np.array(mechanism.start))
-    yield _by_name("start", names, difference[None], np.maximum(1.0, np.abs(mechanism.start)))
+    units = units_of(mechanism)
+    lengths = units.coordinates(mechanism)
+    yield _by_name("start", names, difference[None], np.maximum(lengths, np.abs(mechanism.start)))
     speeds = np.array(mechanism.start_speeds or [0.0] * len(names))
     difference = np.abs(inspection.start_speeds - speeds)
-    yield _by_name("start speed", names, difference[None], np.maximum(1.0, np.abs(speeds)))
+    yield _by_name("start speed", names, difference[None], np.maximum(lengths / units.time, np.abs(speeds)))
 
 
 def _exact(mechanism: Mechanism, reference: Expected, dynamics: Sequence[Dynamics]) -> Iterator[Check]:
@@ -260,6 +265,7 @@ def _by_name(name: str, subjects: Sequence[str], difference: FloatArray, scale: 
     return _exactly(name, subjects[worst], value if np.isfinite(value) else None)
 
 
+# In the units that engines build a mechanism in:
 _SPREAD = 0.5  # [rad or m] of the coordinates about the start
 _SPEED = 1.0  # [rad/s or m/s]
 _ROUNDING = 1e-12  # [rad/s or m/s], or of the terms whose sum is a gap speed
@@ -278,7 +284,8 @@ def random_states(mechanism: Mechanism, n: int = 24, seed: int = 20) -> tuple[St
         n: how many.
         seed: of the random numbers.
     """
-    equations = Equations(mechanism)
+    units = units_of(mechanism)  # a state far off a small machine is none that an engine has to get right
+    equations = Equations(units.mechanism(mechanism))
     sets = _subsets([stop.name for stop in mechanism.stops if stop.closed])
     random = np.random.default_rng(seed)
     states = [_start(equations)]
@@ -286,7 +293,7 @@ def random_states(mechanism: Mechanism, n: int = 24, seed: int = 20) -> tuple[St
         state = _state(equations, sets[k % len(sets)], random)
         if state is not None:
             states.append(state)
-    return tuple(states)
+    return tuple(units.inverse.states(mechanism, states))
 
 
 def _subsets(names: list[str]) -> list[tuple[str, ...]]:

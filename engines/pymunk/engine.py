@@ -11,6 +11,7 @@ from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording
 from ..study import EngineStudy
+from ..units import units_of
 from .options import PymunkOptions
 from .study import STUDY
 
@@ -57,11 +58,11 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
         # Here and not above: a class must tell that its library is missing, not fail to load.
         from .step import run
 
-        return run(problem, self)
+        return units_of(problem.mechanism).run(run, problem, self)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The built bodies' inertia, and accelerations and torques by one step of theirs in each state."""
         self.refuse_absence()
         from .inspect import inspect
 
-        return inspect(mechanism, states, self)
+        return units_of(mechanism).inspect(inspect, mechanism, states, self)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Self
 
 from pydantic import Field
 
@@ -32,3 +32,7 @@ class PymunkOptions(EngineOptions):
     pivot_mass: Positive = Field(
         default=1e4, ge=1, le=1e9, description="mass given to a body pinned to the ground, in multiples of its own"
     )
+
+    def in_time_unit(self, unit: float) -> Self:
+        """The same options for a model whose unit of time is so many seconds."""
+        return self.model_copy(update={"timestep": self.timestep / unit, "error_bias": self.error_bias**unit})

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from mechanisms import TABLE_ONE, chain_on_a_slot, everything, position_error, scaled
+from random_mechanisms import random_mechanism
 from trebucheck.comparisons.equivalence.checks import EXACT, check_model
 from trebucheck.engines.inspection import State
 from trebucheck.engines.units import SI, Units, units_of
@@ -110,3 +111,19 @@ def test_a_message_names_the_units_of_its_numbers(engine: str) -> None:
         UnsupportedProblemError, match=r"at t = 0 \(in units of 0\.00\d+ m, [\d.e-]+ kg and 0\.03125 s\)\.$"
     ):
         tb.engine(engine, timestep=1e-4).simulate(Problem(moving, 0.01))
+
+
+@pytest.mark.parametrize("seed", [0, 1, 5, 22])
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_small_light_mechanism_that_moves_as_slowly_is_the_same_mechanism(engine: str, seed: int) -> None:
+    """Its accelerations are small in any unit made of lengths alone, and states half a metre off are far away."""
+    small = Units(1e3, 1e3, 1.0).mechanism(random_mechanism(seed))
+    checks = check_model(tb.engine(engine), small).checks
+    assert checks
+    assert [(c.name, c.subject, c.value) for c in checks if c.value is None or c.value > EXACT] == []
+
+
+def test_a_slow_motion_has_a_unit_of_time_of_its_own() -> None:
+    slow = Units(1.0, 1.0, 1 / 1024).mechanism(tb.hinged())
+    assert slow.gravity < 1e-5
+    assert units_of(slow) == Units(time=1024.0)
