@@ -28,7 +28,6 @@ app = typer.Typer(
     "trebucheck paper --out paper\n\n"
     "trebucheck models export rolling --set r=7 --out my-rolling",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 for name, command in {

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from . import options, output
+from . import completion, options, output
 
 if TYPE_CHECKING:
     from ..comparisons.report.document import Document
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 models_app = typer.Typer(help="The machines: list them, show one as JSON, export its MJCF.", no_args_is_help=True)
 
-_Name = Annotated[str, typer.Argument(help=options.MACHINES)]
+_Name = Annotated[str, typer.Argument(autocompletion=completion.machines, help=options.MACHINES)]
 
 
 @models_app.command("list")
@@ -66,7 +66,12 @@ def export_command(
         typer.echo(f"Wrote {output.printable(str(folder))}")
 
 
-_EngineName = Annotated[str | None, typer.Argument(help="One engine, to see its options; all are listed without it.")]
+_EngineName = Annotated[
+    str | None,
+    typer.Argument(
+        autocompletion=completion.engines, help="One engine, to see its options; all are listed without it."
+    ),
+]
 
 
 def engines_command(name: _EngineName = None) -> None:

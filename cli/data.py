@@ -9,9 +9,12 @@ from typing import Annotated
 import typer
 
 from ..models.errors import InputError
-from . import options, output
+from . import completion, options, output
 
-_Name = Annotated[str | None, typer.Argument(help=f"{options.MACHINES}; all are listed where left out.")]
+_Name = Annotated[
+    str | None,
+    typer.Argument(autocompletion=completion.machines, help=f"{options.MACHINES}; all are listed where left out."),
+]
 
 
 def data_command(

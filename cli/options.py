@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..models.errors import InputError
+from . import completion
 
 if TYPE_CHECKING:
     from ..comparisons.runs.study import Study
@@ -22,11 +23,25 @@ MACHINES = "fixed, rolling, catapult, hinged, floating-arm, a problem (`trebuche
 
 Models = Annotated[
     str,
-    typer.Option("--models", "--model", help=f"Machines, comma-separated: {MACHINES}."),
+    typer.Option(
+        "--models", "--model", autocompletion=completion.machines, help=f"Machines, comma-separated: {MACHINES}."
+    ),
 ]
-Model = Annotated[str, typer.Option("--model", "--models", help=f"Machine: {MACHINES}.")]
-Engines = Annotated[str | None, typer.Option("--engines", "--engine", help="Engines, comma-separated; all by default.")]
-Preset = Annotated[str, typer.Option("--preset", "--presets", help="tuned, stock, or both: tuned,stock.")]
+Model = Annotated[
+    str, typer.Option("--model", "--models", autocompletion=completion.machines, help=f"Machine: {MACHINES}.")
+]
+Engines = Annotated[
+    str | None,
+    typer.Option(
+        "--engines", "--engine", autocompletion=completion.engines, help="Engines, comma-separated; all by default."
+    ),
+]
+Preset = Annotated[
+    str,
+    typer.Option(
+        "--preset", "--presets", autocompletion=completion.presets, help="tuned, stock, or both: tuned,stock."
+    ),
+]
 Timestep = Annotated[float | None, typer.Option("--timestep", help="Step of every engine (s); else the preset's own.")]
 Duration = Annotated[
     float | None,
@@ -59,6 +74,14 @@ Tolerances = Annotated[
     Path | None, typer.Option("--tolerances", help='The same from a JSON file: {"tolerances": {"position": 1e-3}}.')
 ]
 Resume = Annotated[bool, typer.Option("--resume", help="Take finished runs from the folder again.")]
+Jobs = Annotated[
+    int,
+    typer.Option(
+        "--jobs", "-j", help="Processes at once. With more than one, wall times include what runs cost each other."
+    ),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only the verdict in a line, and the files.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the results as JSON, and nothing else.")]
 Timeout = Annotated[float, typer.Option("--timeout", help="Longest wait for one run (s).")]
 StopLaw = Annotated[
     str | None,
@@ -69,6 +92,7 @@ EngineOption = Annotated[
     typer.Option(
         "--option",
         metavar="[ENGINE.]NAME=VALUE",
+        autocompletion=completion.options,
         help="A numerical option, of every engine that has it, or of ENGINE; lists as 1,2,3; repeatable. "
         "`trebucheck engines ENGINE` lists them.",
     ),
@@ -255,6 +279,7 @@ def study(
     out: Path,
     resume: bool,
     timeout: float,
+    jobs: int = 1,
     **others: Any,
 ) -> Study:
     """A study whose runs are kept in the folder of its results.
@@ -271,7 +296,7 @@ def study(
     from ..models.files import refuse_unwritable
 
     store = Store(out / "trials", resume, out / "trials")
-    study = Study(models, chosen_names(engines, "--engines"), store=store, timeout=timeout, **others)
+    study = Study(models, chosen_names(engines, "--engines"), store=store, timeout=timeout, jobs=jobs, **others)
     refuse_unwritable(out)
     return study
 
@@ -288,18 +313,22 @@ def needs(texts: list[str] | None, file: Path | None) -> dict[str, float | str]:
     return {**from_file, **assignments(texts, "--tolerance")}
 
 
-def engine_options(texts: list[str] | None, timestep: float | None) -> dict[str, Any]:
+def engine_options(texts: list[str] | None, timestep: float | None, engines: list[str] | None = None) -> dict[str, Any]:
     """--option values as JSON where they are JSON, lists also without brackets, else as text.
 
     The engine itself validates them.
 
     Args:
         timestep: of --timestep [s].
+        engines: names of those they are for; None: all.
 
     Raises:
-        InputError: an option is chosen by another flag, or is there twice.
+        InputError: an option is chosen by another flag, or is there twice, or none of the engines has it.
     """
+    from ..engines.registry import engine_names, refuse_unknown_options
+
     options = {name: _value(value) for name, value in assignments(texts, "--option").items()}
+    refuse_unknown_options(options, engines or engine_names())
     if timestep is None:
         return options
     if "timestep" in options:

@@ -5,34 +5,53 @@ from __future__ import annotations
 import shlex
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    import typer
+import typer
 
+if TYPE_CHECKING:
     from ..comparisons.report.document import Document
     from ..comparisons.runs.store import Store
     from ..comparisons.runs.study import Progress
 
+_EVER = 1e9  # [s]
+
+
+@dataclass(frozen=True)
+class Told:
+    """How much a command says: all, by default."""
+
+    quiet: bool = False
+    """The verdict in a line, and the files; no progress."""
+    json: bool = False
+    """On standard output the results, nothing else."""
+
+
+ALL = Told()
+
 
 @contextmanager
-def progress(what: str = "reference", width: int = 40) -> Generator[Progress]:
-    """A bar on standard error, where that is a terminal.
+def progress(what: str = "reference", width: int = 40, told: Told = ALL) -> Generator[Progress]:
+    """A bar on standard error, where that is a terminal, with the time left as it follows from what is done.
 
     Args:
         what: comes first, before any part has begun.
         width: of the part's name, in characters.
+        told: how much the command says.
     """
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
 
     from ..comparisons.report.terminal import progress_console
 
-    columns = (TextColumn(f"{{task.description:<{width}}}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     to = progress_console()
-    with Bar(*columns, console=to, transient=True, disable=not to.is_terminal) as bar:
+    name, left = TextColumn(f"{{task.description:<{min(width, to.width // 2)}}}"), TextColumn("left")
+    columns = (name, BarColumn(20), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(), left)
+    hidden = told.quiet or not to.is_terminal
+    # The estimate looks back on everything done: parts are few, and some take many times as long as others.
+    with Bar(*columns, console=to, transient=True, disable=hidden, speed_estimate_period=_EVER) as bar:
         task = bar.add_task(what, total=None)
         yield lambda part, done, of: bar.update(task, description=part, completed=done, total=of)
 
@@ -46,6 +65,7 @@ def publish(
     store: Store | None = None,
     current: bool = False,
     beside: Mapping[str, tuple[Path, str]] | None = None,
+    told: Told = ALL,
 ) -> None:
     """Write a command's data and page, each whole or not at all, and show the report with the paths.
 
@@ -55,6 +75,7 @@ def publish(
         called: what the page is called in the closing line.
         store: of the runs; the report says how many of them were taken from it.
         current: nothing is new since the page was written; if the same data are on disk, all are left as they are.
+        told: how much the command says.
         beside: further files by what they are called in the closing line, each with path and text.
 
     Raises:
@@ -76,7 +97,10 @@ def publish(
             write_text(other, content)
         write_text(path, text)
     named = {name: other for name, (other, _) in others.items()}
-    show(report, **({} if page is None else {called: page}), **named, Data=path)
+    if told.json:
+        typer.echo(text)
+    else:
+        show(report, told, **({} if page is None else {called: page}), **named, Data=path)
 
 
 def _with_tally(report: Document, store: Store | None) -> Document:
@@ -86,20 +110,26 @@ def _with_tally(report: Document, store: Store | None) -> Document:
     return report if tally is None else replace(report, blocks=(*report.blocks, Text(tally)))
 
 
-def show(report: Document, **files: Path) -> None:
+def show(report: Document, told: Told = ALL, **files: Path) -> None:
     """Print a report, and in a closing line what was written."""
     from ..comparisons.report import terminal
 
-    terminal.show(report, terminal.console())
+    if told.quiet:
+        terminal.console().print(report.verdict or report.title, markup=False)
+    else:
+        terminal.show(report, terminal.console())
     if files:
         line = "   ".join(f"{name}: {printable(str(path))}" for name, path in files.items())
-        terminal.console().print(f"\n{line}", soft_wrap=True, markup=False)
+        terminal.console().print(line if told.quiet else f"\n{line}", soft_wrap=True, markup=False)
 
 
 def command_line(context: typer.Context) -> str | None:
     """The command line that makes the same again; None where there was none."""
     line = context.find_root().obj
-    return None if line is None else shlex.join(word for word in shlex.split(line) if word != "--resume")
+    return None if line is None else shlex.join(word for word in shlex.split(line) if word not in _NOT_OF_RESULTS)
+
+
+_NOT_OF_RESULTS = ("--resume", "--quiet", "-q", "--json")
 
 
 def printable(text: str) -> str:

@@ -8,9 +8,12 @@ from typing import Annotated
 import typer
 
 from ..models.errors import InputError
-from . import options, output
+from . import completion, options, output
 
-_Name = Annotated[str | None, typer.Argument(help="Name or number of one problem, to see its figures.")]
+_Name = Annotated[
+    str | None,
+    typer.Argument(autocompletion=completion.problems, help="Name or number of one problem, to see its figures."),
+]
 
 
 def problems_command(

@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from . import options, output
+from . import completion, options, output
+
+if TYPE_CHECKING:
+    from ..comparisons.runs.distance import Farthest
+    from ..comparisons.runs.runner import Runner
+    from ..models.trajectory import Trajectory
 
 
 def run_command(
-    engine: Annotated[str, typer.Option("--engine", "--engines", help="One engine; see `trebucheck engines`.")],
+    engine: Annotated[
+        str,
+        typer.Option(
+            "--engine", "--engines", autocompletion=completion.engines, help="One engine; see `trebucheck engines`."
+        ),
+    ],
     model: options.Model = "fixed",
-    preset: Annotated[str, typer.Option("--preset", help="tuned or stock.")] = "tuned",
+    preset: Annotated[
+        str, typer.Option("--preset", autocompletion=completion.presets, help="tuned or stock.")
+    ] = "tuned",
     timestep: options.Timestep = None,
     duration: options.Duration = None,
     until: options.Until = None,
@@ -21,12 +33,18 @@ def run_command(
     beam: options.Beam = None,
     option: options.EngineOption = None,
     stop_law: options.StopLaw = None,
+    reference: Annotated[
+        bool, typer.Option("--reference/--no-reference", help="Say how far the run is from the reference.")
+    ] = True,
     timeout: options.Timeout = 600.0,
+    quiet: options.Quiet = False,
     out: Annotated[Path, options.out("NetCDF file to write, or a folder for it.")] = Path("report"),
 ) -> None:
     """Simulate one machine with one engine; write its trajectory as NetCDF and print a summary.
 
-    It is simulated a little past the launch, or the end that --until names.
+    It is simulated a little past the launch, or the end that --until names. The summary says how far the run is from
+    the reference: the largest distance of any marker up to that end, or to the predictability horizon if that is
+    earlier.
 
     Examples:
     trebucheck run --engine mujoco --model rolling --timestep 5e-4 --duration 2.6 --out rolling.nc
@@ -41,8 +59,8 @@ def run_command(
     from ..models.trajectory import save
 
     given = options.only(model, assignments, beam, "run")
-    asked_options = options.engine_options(option, timestep)
-    study = Study([given], [engine], options=asked_options, stop_law=stop_law, until=one_end(duration, until))
+    own = options.engine_options(option, timestep, [engine])
+    study = Study([given], [engine], options=own, stop_law=stop_law, until=one_end(duration, until))
     made = study.engine(engine, preset)
     (mechanism,) = study.mechanisms
     end, law = study.end_of(mechanism), study.law_of(mechanism)
@@ -50,7 +68,19 @@ def run_command(
     path = out if out.suffix == ".nc" else out / f"{mechanism.name}-{engine}-{preset}.nc"
     refuse_unwritable(path.parent, path.name)
     with Worker(options.positive(timeout, "--timeout")) as worker:
-        problem = asked or Runner(mechanism, worker, end, law).problem(made)
-        trajectory = worker.call(simulate, made, problem)
-    save(trajectory, path)
-    output.show(run_report(trajectory), Trajectory=path)
+        runner = Runner(mechanism, worker, end, law)
+        trajectory = worker.call(simulate, made, asked or runner.problem(made))
+        save(trajectory, path)
+        found = _distance(trajectory, runner) if reference else None
+    output.show(run_report(trajectory, found), output.Told(quiet), Trajectory=path)
+
+
+def _distance(trajectory: Trajectory, runner: Runner) -> Farthest | str:
+    """From the reference; or why that is not known: a run is not lost with its reference."""
+    from ..comparisons.runs.distance import farthest
+    from ..models.errors import TrebucheckError
+
+    try:
+        return farthest(trajectory, runner)
+    except TrebucheckError as error:
+        return str(error)

@@ -47,13 +47,15 @@ def compare_command(
     option: options.EngineOption = None,
     stop_law: options.StopLaw = None,
     resume: options.Resume = False,
+    jobs: options.Jobs = 1,
     timeout: options.Timeout = 600.0,
+    quiet: options.Quiet = False,
+    json: options.Json = False,
     out: Annotated[Path, options.out("Folder for report, summary.md, results.json and trajectories.")] = Path("report"),
 ) -> None:
     """Run engines on machines, measure them against the reference and each other, and write the report.
 
-    Writes report.html (self-contained), summary.md (for a pull request), results.json and one NetCDF file a run;
-    prints the agreement table.
+    Writes report.html (self-contained), summary.md (for a pull request), results.json and one NetCDF file a run.
     Ends with exit code 1 if a run disagrees, is not equivalent or failed, or if nothing was judged.
 
     Examples:
@@ -63,17 +65,14 @@ def compare_command(
     """
     from ..comparisons.compare.study import compare
     from ..comparisons.runs.store import Store
-    from ..engines.registry import engine_names, refuse_unknown_options
     from ..models.files import refuse_unwritable
 
     machines = options.given(models, assignments, beam)
-    presets = options.names(preset, "--preset")
-    chosen = options.chosen_names(engines, "--engines")
+    presets, chosen = options.names(preset, "--preset"), options.chosen_names(engines, "--engines")
     refuse_unwritable(out)
-    own = options.engine_options(option, timestep)
-    refuse_unknown_options(own, chosen or engine_names())  # before they meet the names of other arguments
+    own = options.engine_options(option, timestep, chosen)
     store = Store(out / "trajectories", resume, out / "runs")
-    with output.progress(width=28) as show:
+    with output.progress(width=28, told=output.Told(quiet, json)) as show:
         comparison = compare(
             machines,
             chosen,
@@ -83,16 +82,18 @@ def compare_command(
             tolerances=options.needs(tolerance, tolerances),
             stop_law=stop_law,
             timeout=timeout,
+            jobs=jobs,
             store=store,
             progress=lambda case, done, of: show(f"{case.model}: {case.label}", done, of),
             **own,
         )
-    _publish(replace(comparison, results=comparison.results.made_by(output.command_line(context))), out, store)
+    results = comparison.results.made_by(output.command_line(context), jobs)
+    _publish(replace(comparison, results=results), out, store, output.Told(quiet, json))
     if not comparison.passed:
         raise typer.Exit(1)
 
 
-def _publish(comparison: Comparison, out: Path, store: Store) -> None:
+def _publish(comparison: Comparison, out: Path, store: Store, told: output.Told) -> None:
     """Data, page and summary of a comparison."""
     from ..comparisons.compare.report import document
     from ..comparisons.compare.summary import summary
@@ -104,6 +105,7 @@ def _publish(comparison: Comparison, out: Path, store: Store) -> None:
         out / "report.html",
         store=store,
         current=comparison.repeated,
+        told=told,
         beside={"Summary": (out / "summary.md", markdown.text(summary(comparison.results), signs=True))},
     )
 
@@ -119,7 +121,10 @@ def converge_command(
     assignments: options.Set = None,
     beam: options.Beam = None,
     resume: options.Resume = False,
+    jobs: options.Jobs = 1,
     timeout: options.Timeout = 600.0,
+    quiet: options.Quiet = False,
+    json: options.Json = False,
     out: Annotated[Path, options.out("Folder for converge.html, converge.json and the runs.")] = Path("converge"),
 ) -> None:
     """Turn each engine's knobs and see how its error falls: orders, floors and their causes, Richardson limits.
@@ -139,11 +144,16 @@ def converge_command(
 
     machines = options.given(models, assignments, beam)
     chosen = options.chosen_names(knobs, "--knobs")
-    study = options.study(machines, engines, out, resume, timeout, until=until)
-    with output.progress() as show:
+    study = options.study(machines, engines, out, resume, timeout, jobs, until=until)
+    told = output.Told(quiet, json)
+    with output.progress(told=told) as show:
         studies = converge(replace(study, progress=show), chosen)
     output.publish(
-        (out / "converge.json", studies.to_json()), document(studies), out / "converge.html", store=study.store
+        (out / "converge.json", studies.to_json()),
+        document(studies),
+        out / "converge.html",
+        store=study.store,
+        told=told,
     )
     if studies.failures:
         raise typer.Exit(1)
@@ -159,7 +169,10 @@ def explain_command(
     beam: options.Beam = None,
     option: options.EngineOption = None,
     resume: options.Resume = False,
+    jobs: options.Jobs = 1,
     timeout: options.Timeout = 600.0,
+    quiet: options.Quiet = False,
+    json: options.Json = False,
     out: Annotated[Path, options.out("Folder for explain.html, explain.json and the runs.")] = Path("explain"),
 ) -> None:
     """Split each engine's error among its causes, each measured by a run without it.
@@ -177,13 +190,14 @@ def explain_command(
     from ..comparisons.explain.study import explain
 
     machines = options.given(models, assignments, beam)
-    own = options.engine_options(option, timestep)
+    own = options.engine_options(option, timestep, options.chosen_names(engines, "--engines"))
     presets = options.names(preset, "--preset")
-    study = options.study(machines, engines, out, resume, timeout, presets=presets, options=own, until=until)
-    with output.progress(width=44) as show:
+    study = options.study(machines, engines, out, resume, timeout, jobs, presets=presets, options=own, until=until)
+    told = output.Told(quiet, json)
+    with output.progress(width=44, told=told) as show:
         explanation = explain(replace(study, progress=show))
     data = out / "explain.json", explanation.to_json()
-    output.publish(data, document(explanation), out / "explain.html", "Page", store=study.store)
+    output.publish(data, document(explanation), out / "explain.html", "Page", store=study.store, told=told)
     if explanation.failures:
         raise typer.Exit(1)
 
@@ -199,7 +213,10 @@ def recommend_command(
     beam: options.Beam = None,
     neighbours: Neighbours = _NEIGHBOURS,
     resume: Annotated[bool, typer.Option("--resume", help="Take finished trials from the folder again.")] = False,
+    jobs: options.Jobs = 1,
     timeout: options.Timeout = 600.0,
+    quiet: options.Quiet = False,
+    json: options.Json = False,
     out: Annotated[Path, options.out("Folder for recommend.html, recommend.json, the texts and the trials.")] = Path(
         "recommend"
     ),
@@ -230,14 +247,15 @@ def recommend_command(
     mechanism, own = options.machine(model, assignments, beam, "recommend"), model.strip().endswith(".json")
     parameters = None if own else chosen.of(model.strip())
     study = options.study(
-        [mechanism if own else model.strip()], engines, out, resume, timeout, parameters=parameters, until=until
+        [mechanism if own else model.strip()], engines, out, resume, timeout, jobs, parameters=parameters, until=until
     )
-    with output.progress("references", 30) as show:
+    told = output.Told(quiet, json)
+    with output.progress("references", 30, told) as show:
         advice = recommend(replace(study, progress=show), target, neighbours)
     for name, text in files(advice).items():
         write_text(out / name, text)
     data = out / "recommend.json", advice.to_json()
-    output.publish(data, document(advice), out / "recommend.html", "Page", store=study.store)
+    output.publish(data, document(advice), out / "recommend.html", "Page", store=study.store, told=told)
 
 
 def paper_command(
@@ -249,6 +267,8 @@ def paper_command(
     timeout: Annotated[
         float, typer.Option("--timeout", help="Longest wait for one run, or one further study (s).")
     ] = 600.0,
+    quiet: options.Quiet = False,
+    json: options.Json = False,
     out: Annotated[Path, options.out("Folder for paper.html and paper.json.")] = Path("paper"),
 ) -> None:
     """Judge every number and statement of the paper that a solver can reach, by the reference and every engine.
@@ -270,6 +290,7 @@ def paper_command(
     engine_list = options.chosen_names(engines, "--engines")
     section_list = options.chosen_names(sections, "--sections")
     refuse_unwritable(out)
-    with output.progress("paper") as show:
+    told = output.Told(quiet, json)
+    with output.progress("paper", told=told) as show:
         judged = study(engine_list, sections=section_list, timeout=timeout, progress=show)
-    output.publish((out / "paper.json", judged.to_json()), document(judged), out / "paper.html")
+    output.publish((out / "paper.json", judged.to_json()), document(judged), out / "paper.html", told=told)

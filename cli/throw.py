@@ -54,6 +54,8 @@ def throw_command(
     height: Height = 0.0,
     sensitivities: WithSensitivities = False,
     timeout: options.Timeout = 600.0,
+    quiet: options.Quiet = False,
+    json: options.Json = False,
     out: Out = Path("report"),
 ) -> None:
     """Throw with one machine: launch, flight, best release and the forces in its members.
@@ -79,11 +81,8 @@ def throw_command(
     mechanism = options.machine(model, assignments, beam, "throw")
     if body is not None and "g" in options.assignments(assignments, "--set"):
         raise InputError(f"--body {body} brings its own gravity; leave out --set g, or --body.")
-    if sensitivities and model.strip() not in ("fixed", "rolling"):
-        raise InputError(
-            f"--sensitivities differentiates by a named machine's parameters, the whipper's; {model} has others "
-            "or none: use fixed or rolling."
-        )
+    if sensitivities:
+        _refuse_sensitivities_of(model)
     refuse_unwritable(out)
     release = {
         "release_angle": None if release_angle is None else math.radians(release_angle),
@@ -98,7 +97,15 @@ def throw_command(
             base = chosen.whipper(model.strip()) or TrebuchetParameters()
             throw = _with_sensitivities(throw, model.strip(), base, worker)
     data = out / "throw.json", throw.to_json()
-    output.publish(data, document(performance, throw), out / "throw.html", "Page")
+    output.publish(data, document(performance, throw), out / "throw.html", "Page", told=output.Told(quiet, json))
+
+
+def _refuse_sensitivities_of(model: str) -> None:
+    if model.strip() not in ("fixed", "rolling"):
+        raise InputError(
+            f"--sensitivities differentiates by a named machine's parameters, the whipper's; {model} has others "
+            "or none: use fixed or rolling."
+        )
 
 
 def _with_sensitivities(throw: Throw, model: str, base: TrebuchetParameters, worker: Worker) -> Throw:

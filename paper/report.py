@@ -56,7 +56,7 @@ def document(study: Study) -> Document:
         agreeing,
         doc.terminal_only(most_important),
     )
-    return Document("The paper, claim by claim", blocks, "trebucheck paper")
+    return Document("The paper, claim by claim", blocks, "trebucheck paper", verdict=headline(study))
 
 
 def summary(study: Study) -> str:

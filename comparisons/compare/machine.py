@@ -57,20 +57,12 @@ class RunRecord(Spec):
 
 
 @dataclass(frozen=True)
-class Simulated:
-    """What an engine did with a case."""
+class MadeRun:
+    """A run that was made and measured now, and its motion where it has one."""
 
-    equality: Equality | None
-    diagnosis: Diagnosis | None
+    run: Run
     trajectory: Trajectory | None = None
-    error: Exception | None = None
-
-    def motion(self) -> Trajectory:
-        """The trajectory; raises the engine's error where there is none."""
-        if self.error is not None:
-            raise self.error
-        assert self.trajectory is not None
-        return self.trajectory
+    compared: Compared | None = None
 
 
 class FailedMachine:
@@ -81,15 +73,14 @@ class FailedMachine:
     def __init__(self, error: SimulationError) -> None:
         self.error, self.runs = error, list[Run]()
 
-    def simulated(self, case: Case, engine: Engine) -> Simulated:
-        """Nothing."""
-        return Simulated(None, None, error=self.error)
-
-    def add(self, case: Case, engine: Engine, _: object) -> None:
-        """Note the failure as a row."""
+    def made(self, case: Case, engine: Engine) -> MadeRun:
+        """A row that says why."""
         outcome, message = failure(self.error)
-        run = _row(case, engine, outcome)
-        self.runs.append(run.model_copy(update={"message": message}))
+        return MadeRun(_row(case, engine, outcome).model_copy(update={"message": message}))
+
+    def add(self, case: Case, engine: Engine, result: RunRecord | MadeRun) -> None:
+        """Take the row."""
+        self.runs.append(result.run)
 
 
 class MachineRuns:
@@ -113,32 +104,24 @@ class MachineRuns:
         self.machine = self._kept.machine if self._kept else machine_row(self.runner, self._needs)
         self.repeated = self._kept is not None
 
-    def simulated(self, case: Case, engine: Engine) -> RunRecord | Simulated:
-        """The finished run from the store, or what the engine does now; may be called from several threads."""
-        record = self._finished(case, engine)
-        if record is not None:
-            return record
-        equality, diagnosis = None, None
-        try:
-            equality, diagnosis = self.runner.worker.call(check_and_diagnose, engine, self.runner.mechanism)
-            trajectory = self._trajectory(case, engine) if equality.holds else None
-        except UnwritableError:
-            raise
-        except Exception as error:
-            return Simulated(equality, diagnosis, error=error)
-        return Simulated(equality, diagnosis, trajectory)
+    def made(self, case: Case, engine: Engine) -> RunRecord | MadeRun:
+        """The finished run from the store, or one made, measured and diagnosed now; from any thread."""
+        return self._finished(case, engine) or self._made(case, engine)
 
-    def add(self, case: Case, engine: Engine, result: RunRecord | Simulated) -> None:
-        """Take a finished run over, or measure a new one; in the order of the cases."""
+    def add(self, case: Case, engine: Engine, result: RunRecord | MadeRun) -> None:
+        """Take a run over; in the order of the cases."""
+        self.runs.append(result.run)
         if isinstance(result, RunRecord):
             assert self.store is not None
             self.store.taken.add(self.store.path(case.model, case.label).stem)
             self._files[case.label] = result.trajectory
             self.motions[case.label] = lambda: self._load(case)
-            self.runs.append(result.run)
-        else:
-            self.repeated = False
-            self.runs.append(self._measured(case, engine, result))
+            return
+        self.repeated = False
+        if result.trajectory is not None and result.compared is not None:
+            self.motions[case.label] = lambda trajectory=result.trajectory: trajectory
+            self._compared[case.label] = result.compared
+            self._keep(case, engine, result.run)
 
     def _load(self, case: Case) -> Trajectory:
         assert self.store is not None
@@ -151,27 +134,30 @@ class MachineRuns:
         record = self.store.record(path.stem, RunRecord, conditions(*self._parts, engine=engine))
         return record if record is not None and record.trajectory == digest(path) else None
 
-    def _measured(self, case: Case, engine: Engine, simulated: Simulated) -> Run:
-        checked = {"equality": simulated.equality, "diagnosis": simulated.diagnosis}
-        run = _row(case, engine, Outcome.NOT_JUDGED).model_copy(update=checked)
-        if simulated.equality is not None and not simulated.equality.holds:
-            return run.model_copy(update={"outcome": Outcome.NOT_EQUIVALENT, "message": _unequal(simulated.equality)})
+    def _made(self, case: Case, engine: Engine) -> MadeRun:
+        run = _row(case, engine, Outcome.NOT_JUDGED)
         try:
-            trajectory = simulated.motion()
+            equality, diagnosis = self.runner.worker.call(check_and_diagnose, engine, self.runner.mechanism)
+            run = run.model_copy(update={"equality": equality, "diagnosis": diagnosis})
+            if not equality.holds:
+                unequal = {"outcome": Outcome.NOT_EQUIVALENT, "message": _unequal(equality)}
+                return MadeRun(run.model_copy(update=unequal))
+            trajectory = self._trajectory(case, engine)
             metrics = self.runner.measured(trajectory)
+        except UnwritableError:
+            raise
         except Exception as error:
             outcome, message = failure(error)
-            return run.model_copy(update={"outcome": outcome, "message": message})
+            return MadeRun(run.model_copy(update={"outcome": outcome, "message": message}))
+        return self._judged(run.model_copy(update={"metrics": metrics}), trajectory, engine)
+
+    def _judged(self, run: Run, trajectory: Trajectory, engine: Engine) -> MadeRun:
         cost = {"steps": trajectory.provenance.steps, "wall_time": trajectory.provenance.wall_time}
-        run = run.model_copy(update={"metrics": metrics, **cost})
         judged = judge(run, self.machine, self._needs)
-        run = run.model_copy(update={"metrics": judged, "outcome": verdict_on(judged)})
+        run = run.model_copy(update={"metrics": judged, "outcome": verdict_on(judged), **cost})
         if run.broken:
             run = run.model_copy(update={"diagnosis": self._diagnosed(run, trajectory, engine)})
-        self.motions[case.label] = lambda: trajectory
-        self._compared[case.label] = self._for_pairs(trajectory)
-        self._keep(case, engine, run)
-        return run
+        return MadeRun(run, trajectory, self._for_pairs(trajectory))
 
     def _trajectory(self, case: Case, engine: Engine) -> Trajectory:
         if self.store is None:

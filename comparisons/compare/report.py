@@ -86,7 +86,10 @@ def document(comparison: Comparison) -> Document:
     blocks += provenance(results, runs, [(machine.model, machine.mechanism) for machine in results.machines])
     blocks += [doc.terminal_only(listed), Text(verdict(results), medium="terminal")]
     return Document(
-        "How far can you trust a multibody engine, and why does it differ?", tuple(blocks), _window(results)
+        "How far can you trust a multibody engine, and why does it differ?",
+        tuple(blocks),
+        _window(results),
+        verdict=verdict(results),
     )
 
 

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 from ...engines.protocol import Engine
@@ -20,7 +21,7 @@ from ..runs.results import Results
 from ..runs.runner import Worker
 from ..runs.store import Store
 from ..runs.study import PRESETS, OnDemand, Study, in_order, one_end
-from .machine import Case, FailedMachine, MachineRuns, RunRecord, Simulated
+from .machine import Case, FailedMachine, MachineRuns, MadeRun, RunRecord
 
 
 @dataclass(frozen=True, repr=False)
@@ -70,6 +71,7 @@ def compare(
     store: Store | None = None,
     isolate: bool = True,
     timeout: float = 600.0,
+    jobs: int = 1,
     progress: Callable[[Case, int, int], None] | None = None,
     **options: Any,
 ) -> Comparison:
@@ -90,6 +92,8 @@ def compare(
         store: where trajectories are kept and, if asked, taken from again.
         isolate: simulate in a process of its own, so that an engine's crash costs only its row.
         timeout: longest wait for one isolated run [s]; what takes longer becomes a failed row.
+        jobs: references, runs and diagnoses made at once, each in a process; the results but for wall times are the
+            same in the same order.
         progress: called before each case with the number done and the number of all.
         options: further options, each for every engine that has it, or as 'mujoco.solref' (a key of a mapping given
             with two asterisks) for one.
@@ -109,12 +113,13 @@ def compare(
         store=store,
         isolate=isolate,
         timeout=timeout,
+        jobs=jobs,
     )
     return compare_study(study, progress)
 
 
 def compare_study(study: Study, progress: Callable[[Case, int, int], None] | None = None) -> Comparison:
-    """As :func:`compare`, of a study; `study.jobs` engine runs are made at once, results stay in the same order.
+    """As :func:`compare`, of a study.
 
     Args:
         study: its own `progress` is not used.
@@ -129,7 +134,8 @@ def compare_study(study: Study, progress: Callable[[Case, int, int], None] | Non
     # Every engine is made before the first run, so that a wrong name or option costs no waiting.
     engines = {(c.engine, c.preset): study.engine(c.engine, c.preset) for c in cases}
     with study.worker() as worker:
-        machines = {m.name: _machine_runs(study, m, worker) for m in study.mechanisms}
+        solved = in_order(partial(_machine_runs, study, worker), study.mechanisms, study.jobs)
+        machines = dict(zip((m.name for m in study.mechanisms), solved, strict=True))
 
         def own(case: Case) -> Engine:
             made, runs = engines[case.engine, case.preset], machines[case.model]
@@ -137,10 +143,10 @@ def compare_study(study: Study, progress: Callable[[Case, int, int], None] | Non
                 return made
             return study.engine_for(case.model, runs.machine.scales.time, made)
 
-        def simulated(case: Case) -> RunRecord | Simulated:
-            return machines[case.model].simulated(case, own(case))
+        def made(case: Case) -> RunRecord | MadeRun:
+            return machines[case.model].made(case, own(case))
 
-        with closing(in_order(simulated, cases, study.jobs)) as results:
+        with closing(in_order(made, cases, study.jobs)) as results:
             for done, case in enumerate(cases):
                 if progress is not None:
                     progress(case, done, len(cases))
@@ -159,7 +165,7 @@ def compare_study(study: Study, progress: Callable[[Case, int, int], None] | Non
     )
 
 
-def _machine_runs(study: Study, mechanism: Mechanism, worker: Worker) -> MachineRuns | FailedMachine:
+def _machine_runs(study: Study, worker: Worker, mechanism: Mechanism) -> MachineRuns | FailedMachine:
     try:
         return MachineRuns(study, mechanism, worker)
     except SimulationError as error:

@@ -57,7 +57,11 @@ def document(studies: Studies) -> Document:
     blocks += [Heading("How it is measured", 2), Note(_INTRODUCTION)]
     blocks += provenance(studies, runs, [(machine.model, machine.mechanism) for machine in studies.machines])
     blocks.append(doc.Listing(failures, medium="terminal"))
-    return Document("How fast does each engine's error fall with its settings?", tuple(blocks), "trebucheck converge")
+    number = sum(len(machine.studies) for machine in studies.machines)
+    models = ", ".join(machine.model for machine in studies.machines)
+    verdict = f"{number} sweeps of {models or 'no machine'}; {len(failures)} things did not run"
+    title = "How fast does each engine's error fall with its settings?"
+    return Document(title, tuple(blocks), "trebucheck converge", verdict=verdict)
 
 
 def _failures(studies: Studies) -> Iterator[str]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
 from itertools import combinations
 from typing import Any
 
@@ -14,8 +15,8 @@ from ...engines.registry import engine, engine_class, engine_names, engine_study
 from ...engines.study import ConstraintKinds, StepOrder, SweptParameter
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
-from ..runs.study import Counter, Study
-from ..runs.trials import Deviation, Trial, Trials
+from ..runs.study import Counter, Study, in_order
+from ..runs.trials import Deviation, Trial, Trials, trials_of
 from .floor import Site, floor
 from .orders import Extrapolated, Level, fitting, largest, limit, power_law
 from .results import Curve, Floor, Limit, LimitPair, MachineStudies, Point, PowerLaw, QuantityName, Studies
@@ -43,18 +44,42 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
     """
     absent, plan = _plan(study.measured_engines, chosen)
     count = Counter(len(study.mechanisms) * sum(len(parameter.values) for _, parameter in plan), study.progress)
-    machines: list[MachineStudies] = []
-    failures: dict[str, str] = {}
     with study.worker() as worker:
-        for mechanism in study.mechanisms:
-            try:
-                trials = Trials(
-                    mechanism, worker, study.store, until=study.end_of(mechanism), law=study.law_of(mechanism)
-                )
-                machines.append(_machine(trials, plan, absent, count))
-            except SimulationError as error:  # of its reference: the other machines must not be lost with it
-                failures[mechanism.name] = str(error)
-    return Studies.made_here(machines=tuple(machines), failures=failures)
+        moved, failures = trials_of(study, worker)
+        known = dict(_uncertainties(moved, failures))
+        swept = [(each, name, parameter) for each in moved if each.mechanism.name in known for name, parameter in plan]
+
+        def sweep(
+            trials: Trials, name: str, parameter: SweptParameter
+        ) -> tuple[str, ParameterStudy, Extrapolated | None]:
+            found = _Sweep(trials, known[trials.mechanism.name], name, parameter, count)
+            return trials.mechanism.name, found.study(), found.limit()
+
+        with closing(in_order(lambda each: sweep(*each), swept, study.jobs)) as results:
+            found = list(results)
+        machines = [
+            _machine(each, known[model], [(study, limit) for of, study, limit in found if of == model], absent)
+            for each in moved
+            if (model := each.mechanism.name) in known
+        ]
+    return Studies.made_here(machines=tuple(machines), failures=failures, jobs=study.jobs)
+
+
+def _uncertainties(
+    moved: Iterable[Trials], failures: dict[str, str]
+) -> Iterator[tuple[str, dict[QuantityName, float]]]:
+    """Of each machine's reference, by the machine's name; notes where that failed."""
+    for trials in moved:
+        mechanism = trials.mechanism
+        quantities: list[QuantityName] = [q for q in _METRICS if q == "position" or mechanism.stops]
+        try:
+            known: dict[QuantityName, float] = {}
+            for quantity in quantities:
+                known[quantity] = trials.uncertainty(_METRICS[quantity]) or 0.0
+        except SimulationError as error:  # the other machines must not be lost with it
+            failures[mechanism.name] = str(error)
+        else:
+            yield mechanism.name, known
 
 
 def _timestep(engine: str, preset: str) -> SweptParameter:
@@ -101,22 +126,15 @@ def _plan(names: Sequence[str], chosen: Sequence[str] | None) -> tuple[list[str]
     return absent, [(name, parameter) for name, parameter in every if name not in absent]
 
 
-def _machine(trials: Trials, plan: _Plan, absent: list[str], count: Counter) -> MachineStudies:
+def _machine(
+    trials: Trials,
+    uncertainty: dict[QuantityName, float],
+    swept: Sequence[tuple[ParameterStudy, Extrapolated | None]],
+    absent: list[str],
+) -> MachineStudies:
     """All studies of one machine, and the limits that follow from them."""
     mechanism, runner = trials.mechanism, trials.runner
-    uncertainty: dict[QuantityName, float] = {
-        quantity: trials.uncertainty(metric) or 0.0
-        for quantity, metric in _METRICS.items()
-        if quantity == "position" or mechanism.stops
-    }
-    studies: list[ParameterStudy] = []
-    limits: dict[str, Extrapolated] = {}
-    for name, parameter in plan:
-        sweep = _Sweep(trials, uncertainty, name, parameter, count)
-        studies.append(sweep.study())
-        limit = sweep.limit()
-        if limit is not None:
-            limits[studies[-1].label] = limit
+    limits = {study.label: limit for study, limit in swept if limit is not None}
     return MachineStudies(
         model=mechanism.name,
         mechanism=mechanism,
@@ -126,7 +144,7 @@ def _machine(trials: Trials, plan: _Plan, absent: list[str], count: Counter) -> 
         judged_to=trials.end,
         uncertainty=uncertainty,
         uncertainty_source=runner.uncertainties.source,
-        studies=tuple(studies),
+        studies=tuple(study for study, _ in swept),
         limits=tuple(_limit_row(label, limit) for label, limit in limits.items()),
         pairs=tuple(_pairs(limits)),
         absent=tuple(absent),

@@ -59,7 +59,7 @@ def document(explanation: Explanation) -> Document:
     runs = ((budget.model, budget.label, budget.engine_version, budget.settings) for budget in explanation.budgets)
     blocks += provenance(explanation, runs, [(machine.model, machine.mechanism) for machine in explanation.machines])
     blocks.append(Text(verdict(explanation), medium="terminal"))
-    return Document("Where the errors come from", tuple(blocks), "trebucheck explain")
+    return Document("Where the errors come from", tuple(blocks), "trebucheck explain", verdict=verdict(explanation))
 
 
 def verdict(explanation: Explanation) -> str:

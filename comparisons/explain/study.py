@@ -6,15 +6,17 @@ Stock against tuned shows what each single option buys, from either end.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
+from itertools import product
 
 import numpy as np
 from pydantic import JsonValue
 
 from ...engines.protocol import Engine
 from ...engines.registry import with_options
-from ...models.errors import InputError, SimulationError
-from ..runs.study import PRESETS, Counter, Study
-from ..runs.trials import Trial, Trials
+from ...models.errors import InputError
+from ..runs.study import PRESETS, Counter, Study, in_order
+from ..runs.trials import Trial, Trials, trials_of
 from .budget import budget
 from .results import Budget, Change, Explanation, Figures, Machine, StockAgainstTuned
 
@@ -38,28 +40,23 @@ def explain(study: Study) -> Explanation:
     engines = {name: {preset: study.engine(name, preset) for preset in PRESETS} for name in names}
     # A part a preset, and one for the presets side by side.
     count = Counter(len(study.mechanisms) * len(engines) * (len(list(study.presets)) + 1), study.progress)
-    machines: list[Machine] = []
-    budgets: list[Budget] = []
-    comparisons: list[StockAgainstTuned] = []
-    failures: dict[str, str] = {}
     with study.worker() as worker:
-        for mechanism in study.mechanisms:
-            try:
-                trials = Trials(
-                    mechanism, worker, study.store, until=study.end_of(mechanism), law=study.law_of(mechanism)
-                )
-            except SimulationError as error:  # of its reference: the other machines must not be lost with it
-                failures[mechanism.name] = str(error)
-                continue
-            machines.append(_machine(trials))
-            for name, by_preset in engines.items():
-                for preset in study.presets:
-                    count.start(f"{mechanism.name}: {name} {preset}")
-                    budgets.append(budget(trials, by_preset[preset]))
-                count.start(f"{mechanism.name}: {name}, option by option")
-                comparisons.append(stock_against_tuned(trials, by_preset["stock"], by_preset["tuned"]))
+        moved, failures = trials_of(study, worker)
+
+        def part(trials: Trials, name: str, preset: str | None) -> Budget | StockAgainstTuned:
+            made = engines[name]
+            count.start(f"{trials.mechanism.name}: {name}{f' {preset}' if preset else ', option by option'}")
+            return budget(trials, made[preset]) if preset else stock_against_tuned(trials, made["stock"], made["tuned"])
+
+        wanted = list(product(moved, engines, (*study.presets, None)))
+        with closing(in_order(lambda each: part(*each), wanted, study.jobs)) as results:
+            parts = list(results)
     return Explanation.made_here(
-        machines=tuple(machines), budgets=tuple(budgets), comparisons=tuple(comparisons), failures=failures
+        machines=tuple(map(_machine, moved)),
+        budgets=tuple(each for each in parts if isinstance(each, Budget)),
+        comparisons=tuple(each for each in parts if isinstance(each, StockAgainstTuned)),
+        failures=failures,
+        jobs=study.jobs,
     )
 
 

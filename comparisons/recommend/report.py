@@ -33,7 +33,10 @@ def document(advice: Advice) -> Document:
     )
     blocks += provenance(advice, runs, [(advice.model, advice.mechanism)])
     title = "Settings that reach the target"
-    return Document(title, tuple(blocks), f"trebucheck recommend: {advice.model}")
+    choices = ((each.engine, each.choice) for each in advice.engines)
+    found = (f"{name} {'none' if c is None else f'{c.options}, step {c.step:g} s'}" for name, c in choices)
+    window, verdict = f"trebucheck recommend: {advice.model}", f"{advice.model}: {'; '.join(found)}"
+    return Document(title, tuple(blocks), window, verdict=verdict)
 
 
 def _settings(advice: Advice) -> Table:

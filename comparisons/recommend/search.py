@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,6 +20,7 @@ import numpy as np
 from ...engines.protocol import Engine
 from ...engines.registry import engine, engine_class, engine_study
 from ...engines.study import OptionSet
+from ..runs.study import in_order
 from ..runs.trials import Trial
 from .cases import Case
 
@@ -120,6 +122,8 @@ class Search:
     engine: str
     cases: Sequence[Case]
     steps: Sequence[float]
+    jobs: int = 1
+    """Neighbours that are run at once."""
     cheapest: float = math.inf
     """Wall time of the cheapest settings found so far [s]."""
     _hardest: int | None = field(default=None, init=False)
@@ -157,7 +161,10 @@ class Search:
     def _screen(self, sweep: Sweep) -> list[int]:
         """Run all machines at one step; the machine itself and its hardest neighbours, the hardest first."""
         step = self.steps[SCREENED_AT]
-        trials = {i: self._trial(i, sweep.options, step) for i in range(len(self.cases))}
+        # The machine's own run is timed, with nothing beside it; of the others only the errors are asked for.
+        own, others = self._trial(0, sweep.options, step), range(1, len(self.cases))
+        with closing(in_order(lambda i: self._trial(i, sweep.options, step), others, self.jobs)) as found:
+            trials = dict(enumerate((own, *found)))
         ratios = {i: self.cases[i].ratio(trial) for i, trial in trials.items()}
         hardest = sorted(list(ratios)[1:], key=lambda i: -ratios[i])[:HARDEST]
         panel = sorted([0, *hardest], key=lambda i: -ratios[i])

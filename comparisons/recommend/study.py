@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
@@ -19,7 +20,7 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ...models.spec import Spec
 from ...reference.solver import characteristic_time
-from ..runs.study import Counter, Study
+from ..runs.study import Counter, Study, in_order
 from ..runs.trials import Trial, Trials
 from ..runs.until import Until
 from .cases import ANGLE, GRAVITY, LENGTH, MASS, Case, of_mechanism, of_parameters
@@ -78,7 +79,7 @@ def recommend(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advic
         family = _family(model, study, neighbours, case)
         sets = {name: option_sets(name) if engine_class(name).is_installed() else () for name in names}
         count = Counter(sum(map(len, sets.values())), study.progress)
-        advice = tuple(_advice(name, sets[name], family, count) for name in names)
+        advice = tuple(_advice(name, sets[name], family, count, study.jobs) for name in names)
     return _whole(family, asked, advice)
 
 
@@ -99,20 +100,22 @@ def _family(model: str | Mechanism | Problem, study: Study, count: int, case: _M
     until = replace(end, required=own.trials.runner.launch_time is not None or end.required)
     predictable = own.trials.end == own.trials.runner.end  # then so are its neighbours
     tried = ((partial(case, mechanism, until, predictable), made) for mechanism, made in islice(source, _DRAWS * count))
-    for neighbour, changes in islice(_moving(tried), count):
-        cases.append(neighbour)
-        rows.append(NeighbourMachine(made_with=changes, mechanism_hash=neighbour.trials.mechanism.content_hash))
+    with closing(in_order(_tried, tried, study.jobs, ahead=2 * study.jobs)) as found:
+        for neighbour, changes in islice((each for each in found if each is not None), count):
+            cases.append(neighbour)
+            rows.append(NeighbourMachine(made_with=changes, mechanism_hash=neighbour.trials.mechanism.content_hash))
     words = _words(model, study.parameters)
     words += () if study.until is None else ("--until", str(study.until))
     return _Family(tuple(cases), tuple(rows), varied, words)
 
 
-def _moving(tried: Iterable[tuple[Callable[[], Case], dict[str, float]]]) -> Iterator[tuple[Case, dict[str, float]]]:
-    for case, changes in tried:
-        try:
-            yield case(), changes
-        except TrebucheckError:
-            continue  # its motion has not the same end, or cannot be solved
+def _tried(neighbour: tuple[Callable[[], Case], dict[str, float]]) -> tuple[Case, dict[str, float]] | None:
+    """None where its motion has not the same end, or cannot be solved."""
+    case, changes = neighbour
+    try:
+        return case(), changes
+    except TrebucheckError:
+        return None
 
 
 def _words(model: str | Mechanism | Problem, parameters: Spec | None) -> tuple[str, ...]:
@@ -124,12 +127,12 @@ def _words(model: str | Mechanism | Problem, parameters: Spec | None) -> tuple[s
     return ("--model", model, *(word for text in changed for word in ("--set", text)))
 
 
-def _advice(name: str, sets: tuple[OptionSet, ...], family: _Family, count: Counter) -> EngineAdvice:
+def _advice(name: str, sets: tuple[OptionSet, ...], family: _Family, count: Counter, jobs: int) -> EngineAdvice:
     version = engine_class(name).version()
     if not sets:
         return EngineAdvice(engine=name, engine_version=version, choice=None, message=f"{name} is not installed here.")
     trials = family.cases[0].trials
-    search = Search(name, family.cases, ladder(trials.time_scale))
+    search = Search(name, family.cases, ladder(trials.time_scale), jobs)
     sweeps: list[Sweep] = []
     for options in reversed(sets):  # the most accurate first: what the others may cost follows from it
         count.start(f"{name}: {options.name}")

@@ -314,6 +314,8 @@ class Document:
     window: str = "trebucheck"
     command: str = ""
     """What makes this very report again."""
+    verdict: str = ""
+    """The whole in a line, for who asks for no more; the title where it is empty."""
 
 
 _P = TypeVar("_P", bound=Placed)

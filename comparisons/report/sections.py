@@ -10,6 +10,7 @@ from ...models.mechanism import Mechanism
 from ...models.trajectory import Trajectory
 from ...reference.certification.certificate import Certificate, Figure
 from ..runs.balance import sampled_balance
+from ..runs.distance import Farthest
 from ..runs.results import Machine, Metric, ResultFile, Run, SingularPosition
 from .document import (
     Block,
@@ -114,6 +115,7 @@ def provenance(
     return (
         Heading("Provenance", 2),
         Note(software),
+        *([] if result.jobs == 1 else [Text(f"Wall times: {result.jobs} runs at once, which disturb each other.")]),
         *command,
         table("machine | engine | version | settings", rows, "Settings of every run", "page"),
         *(mechanism_as_data(model, mechanism) for model, mechanism in mechanisms),
@@ -155,11 +157,24 @@ def certificate_report(certificate: Certificate) -> Document:
     return Document(title, blocks, f"trebucheck certify: {certificate.model}", certificate.command)
 
 
-def run_report(trajectory: Trajectory) -> Document:
-    """What one run found."""
+def run_report(trajectory: Trajectory, distance: Farthest | str | None = None) -> Document:
+    """What one run found.
+
+    Args:
+        distance: from the reference, or why that is not known; None: not asked for.
+    """
     run = trajectory.provenance
     title = f"{trajectory.mechanism.name}, {run.engine} {run.preset} ({run.engine_version})"
-    return Document(title, (table("|", _quantities(trajectory), title),))
+    rows = [*_quantities(trajectory), *([] if distance is None else [("from the reference", _far(distance))])]
+    verdict = "" if distance is None else f"{title}: {_far(distance)} from the reference"
+    return Document(title, (table("|", rows, title),), verdict=verdict)
+
+
+def _far(distance: Farthest | str) -> str:
+    if isinstance(distance, str):
+        return f"not known: {distance}"
+    place = f"{distance.point} at {distance.time:.6g} s; compared to {distance.until:.6g} s"
+    return f"{format_number(distance.distance)} m ({place})"
 
 
 def _quantities(trajectory: Trajectory) -> Iterator[tuple[str, str]]:

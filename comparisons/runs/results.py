@@ -28,6 +28,11 @@ class ResultFile(Spec):
         exclude_if=lambda value: value is None,
         description="command line that makes it again; absent where Python made it",
     )
+    jobs: int = Field(
+        default=1,
+        exclude_if=lambda value: value == 1,
+        description="runs made at once: with more than one, wall times include what they cost each other",
+    )
 
     @classmethod
     def made_here(cls, **content: Any) -> Self:
@@ -38,9 +43,9 @@ class ResultFile(Spec):
         python = platform.python_version()
         return cls(trebucheck_version=__version__, python_version=python, platform=platform_name, **content)
 
-    def made_by(self, command: str | None) -> Self:
-        """The same with the command line that makes it again."""
-        return self.model_copy(update={"command": command})
+    def made_by(self, command: str | None, jobs: int = 1) -> Self:
+        """The same with the command line that makes it again, and how many runs were made at once."""
+        return self.model_copy(update={"command": command, "jobs": jobs})
 
 
 class Outcome(StrEnum):

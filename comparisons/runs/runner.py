@@ -9,10 +9,10 @@ import signal
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache, partial
+from functools import lru_cache, partial
 from queue import SimpleQueue
-from threading import TIMEOUT_MAX
-from typing import Any, Protocol, TypeVar
+from threading import TIMEOUT_MAX, RLock
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from joblib.externals.loky import ProcessPoolExecutor
@@ -221,6 +221,25 @@ def failure(error: Exception) -> tuple[Outcome, str]:
     return Outcome.UNSUPPORTED if isinstance(error, UnsupportedProblemError) else Outcome.FAILED, str(error)
 
 
+class _once(Generic[_Result]):  # noqa: N801 - used as a decorator, like the property it stands for
+    """A property computed once, whichever thread asks first; others wait, but not for those of other runners.
+
+    (functools.cached_property computes it once a thread, and in Python 3.11 one object at a time.)
+    """
+
+    def __init__(self, compute: Callable[[Any], _Result]) -> None:
+        self._compute, self.__doc__ = compute, compute.__doc__
+
+    def __get__(self, runner: Runner | None, owner: type[Runner]) -> _Result:
+        if runner is None:
+            return self  # type: ignore[return-value] - documentation asks the class
+        name = self._compute.__name__
+        with runner.lock:
+            if name not in runner.__dict__:
+                runner.__dict__[name] = self._compute(runner)  # is found there before this is asked again
+            return runner.__dict__[name]
+
+
 class Runner:
     """Runs engines on one mechanism and evaluates its reference motion at their times.
 
@@ -242,10 +261,10 @@ class Runner:
         law: StopLaw = StopLaw.RELEASE_ONCE,
     ) -> None:
         self.mechanism, self.worker, self.law = mechanism, worker or Worker(isolate=False), law
-        self.until = until or Until(required=False)
+        self.until, self.lock = until or Until(required=False), RLock()
         self._on_grid: Callable[[bytes], Trajectory] = lru_cache(_GRIDS)(self._evaluated)
 
-    @cached_property
+    @_once
     def _solved(self) -> tuple[Solution, float]:
         return self.worker.compute(partial(self.until.solve, self.mechanism, self.law))
 
@@ -270,7 +289,7 @@ class Runner:
         launch = self.solution.launch_at(LAUNCH_ANGLE, self.until.thrown)
         return launch.time if launch and launch.time <= self.end else None
 
-    @cached_property
+    @_once
     def uncertainties(self) -> Uncertainties:
         """Of the reference, up to the end of the compared motion.
 
@@ -280,11 +299,11 @@ class Runner:
         given = self.solution, self.judged_to, self.scales, self.until.thrown, self.end, self._stretching
         return self.worker.compute(partial(reference_uncertainties, *given))
 
-    @cached_property
+    @_once
     def _stretching(self) -> Stretching:
         return self.worker.compute(partial(stretching_until, self.solution, self.end, self._scales_to_end))
 
-    @cached_property
+    @_once
     def judged_to(self) -> float:
         """The end, or the predictability horizon if that is earlier [s]."""
         return self._stretching.horizon
@@ -304,17 +323,17 @@ class Runner:
         )
         return Predictability(times=tuple(times), parameters=parameters, start=start)
 
-    @cached_property
+    @_once
     def _scales_to_end(self) -> Scales:
         return scales_until(self.solution, self.end)
 
-    @cached_property
+    @_once
     def scales(self) -> Scales:
         """Of the motion up to there."""
         same = self.judged_to == self.end
         return self._scales_to_end if same else scales_until(self.solution, self.judged_to)
 
-    @cached_property
+    @_once
     def whole_scales(self) -> Scales | None:
         """Of the motion to its end; None where that is the same."""
         return None if self.judged_to == self.end else self._scales_to_end

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
+from threading import Lock
 from typing import Any, TypeVar
 
+from ...engines import registry
 from ...engines.protocol import Engine
-from ...engines.registry import engine, engine_class, engine_names, options_for, refuse_unknown_options
+from ...engines.registry import engine_class, engine_names, options_for, refuse_unknown_options
 from ...models.errors import InputError
 from ...models.machines.registry import library_problem, model
 from ...models.mechanism import Mechanism
@@ -63,8 +66,8 @@ class Study:
     timeout: float = 600.0
     """Longest wait for one isolated run [s]."""
     jobs: int = 1
-    """Engine runs made at once by a study whose runs do not depend on each other; wall times then include the waiting
-    for each other."""
+    """Processes that solve references, run engines and diagnose at once; wall times then include what runs cost each
+    other, and results say so."""
     progress: Progress | None = None
 
     def __post_init__(self) -> None:
@@ -158,7 +161,7 @@ class Study:
         Raises:
             InputError: the preset or an option is not valid.
         """
-        return engine(name, preset, **options_for(name, self.options))
+        return registry.engine(name, preset, **options_for(name, self.options))
 
     def engine_for(self, model: str, time: float, made: Engine) -> Engine:
         """An engine for a machine; in a problem of the library a preset's step is for a characteristic time of 1 s.
@@ -175,7 +178,7 @@ class Study:
         if made.timestep is None or "timestep" in own or not in_library:
             return made
         step = float(f"{made.timestep * time:.2g}")
-        return engine(made.name, made.preset, **{**own, "timestep": step})
+        return registry.engine(made.name, made.preset, **{**own, "timestep": step})
 
     def worker(self) -> Worker:
         """The processes in which engines run; this one, unless they are isolated."""
@@ -213,6 +216,7 @@ class Counter:
     of: int
     progress: Progress | None
     done: int = 0
+    _lock: Lock = field(default_factory=Lock, repr=False)
 
     def show(self, what: str) -> None:
         """Report what is under way."""
@@ -220,9 +224,10 @@ class Counter:
             self.progress(what, self.done, self.of)
 
     def start(self, what: str) -> None:
-        """Report a part that starts now, and count it."""
-        self.show(what)
-        self.done += 1
+        """Report a part that starts now, and count it; from any thread."""
+        with self._lock:
+            self.show(what)
+            self.done += 1
 
 
 class OnDemand(Mapping[_K, _V]):
@@ -243,13 +248,22 @@ class OnDemand(Mapping[_K, _V]):
         return len(self._makers)
 
 
-def in_order(function: Callable[[_K], _V], items: Sequence[_K], jobs: int) -> Generator[_V]:
-    """The function's values in the order of the items, each computed when asked for, or by that many threads."""
+def in_order(function: Callable[[_K], _V], items: Iterable[_K], jobs: int, ahead: int | None = None) -> Generator[_V]:
+    """The function's values in the order of the items, each computed when asked for, or by that many threads.
+
+    Args:
+        ahead: how many values are computed before they are asked for, at most; None: all, of a finite number of items.
+    """
     if jobs == 1:
         yield from map(function, items)
         return
-    threads = ThreadPoolExecutor(jobs)
+    threads, waiting = ThreadPoolExecutor(jobs), deque[Future[_V]]()
     try:
-        yield from threads.map(function, items)
+        for item in items:
+            waiting.append(threads.submit(function, item))
+            if ahead is not None and len(waiting) > ahead:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
     finally:  # no further run is started when this is left early
         threads.shutdown(wait=False, cancel_futures=True)

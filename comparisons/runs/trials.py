@@ -12,7 +12,8 @@ interpolated by cubic splines; torques, which have kinks in their slope, linearl
 
 from __future__ import annotations
 
-from contextlib import suppress
+from contextlib import closing, suppress
+from threading import Lock
 from typing import Annotated
 
 import numpy as np
@@ -22,6 +23,7 @@ from scipy.interpolate import make_interp_spline
 from ...engines.protocol import Engine
 from ...engines.registry import engine_class
 from ...models.arrays import FloatArray
+from ...models.errors import SimulationError
 from ...models.kinematics import Kinematics
 from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
@@ -35,6 +37,7 @@ from .metrics import measure
 from .runner import Runner, Worker, failure
 from .scales import Scales, scales_until
 from .store import Store, conditions
+from .study import Study, in_order
 from .until import Until
 
 GRID = 1000
@@ -228,6 +231,7 @@ class Trials:
         self._scales = scales_until(self.solution, self.end) if predictable else self.runner.scales
         self._store, self._curves = store, curves
         self._known: dict[str, Trial] = {}
+        self._locks: dict[str, Lock] = {}
 
     @property
     def time_scale(self) -> float:
@@ -260,12 +264,13 @@ class Trials:
         run = (given.content_hash, self.mechanism.content_hash, self.runner.law.value, repr(self.runner.until))
         made_by = conditions(*run, self._curves, engine=engine)
         key = f"{engine.name}-{made_by[:20]}"
-        known = self._known.get(key) or self._kept(key, made_by)
-        trial = self._timed(known or self._run(engine, given), engine, given, repeats)
-        if self._store and trial is not known:
-            self._store.keep_record(key, trial, made_by)
-        self._known[key] = trial
-        return trial
+        with self._locks.setdefault(key, Lock()):  # threads that ask for the same trial wait for it
+            known = self._known.get(key) or self._kept(key, made_by)
+            trial = self._timed(known or self._run(engine, given), engine, given, repeats)
+            if self._store and trial is not known:
+                self._store.keep_record(key, trial, made_by)
+            self._known[key] = trial
+            return trial
 
     def _kept(self, key: str, made_by: str) -> Trial | None:
         """The store's trial, counted there as taken; None, and counted as made, if it has none."""
@@ -302,3 +307,22 @@ class Trials:
             while len(walls) < repeats and sum(walls) < _TIMED_FOR:
                 walls.append(self.runner.simulate(engine, given).provenance.wall_time)
         return trial if len(walls) == len(trial.wall_times) else trial.model_copy(update={"wall_times": tuple(walls)})
+
+
+def trials_of(study: Study, worker: Worker) -> tuple[list[Trials], dict[str, str]]:
+    """Of each mechanism of a study; and by name, why the references of the others failed: those must not be lost.
+
+    Raises:
+        InputError: as :class:`Trials`.
+    """
+
+    def solved(mechanism: Mechanism) -> Trials | tuple[str, str]:
+        end, law = study.end_of(mechanism), study.law_of(mechanism)
+        try:
+            return Trials(mechanism, worker, study.store, until=end, law=law)
+        except SimulationError as error:
+            return mechanism.name, str(error)
+
+    with closing(in_order(solved, study.mechanisms, study.jobs)) as results:
+        found = list(results)
+    return [each for each in found if isinstance(each, Trials)], dict(each for each in found if isinstance(each, tuple))

@@ -55,7 +55,14 @@ def document(performance: Performance, throw: Throw) -> Document:
         mechanism_as_data(throw.mechanism.name, throw.mechanism),
         *(Text(f"{warning}.", "warning", lead="warning:", medium="terminal") for warning in throw.warnings),
     )
-    return Document(title[:1].upper() + title[1:], blocks, f"trebucheck throw: {throw.mechanism.name}")
+    return Document(
+        title[:1].upper() + title[1:], blocks, f"trebucheck throw: {throw.mechanism.name}", verdict=_verdict(throw)
+    )
+
+
+def _verdict(throw: Throw) -> str:
+    at = f"released at {throw.launch.time:.6g} s with {throw.launch.speed:.6g} m/s"
+    return f"{throw.mechanism.name}: {throw.flight.range:.6g} m, {at}"
 
 
 def _first_screen(performance: Performance, throw: Throw) -> tuple[Block, ...]:

@@ -1,0 +1,167 @@
+"""How much a command says, its progress, what a shell completes, and several processes at once."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from io import StringIO
+from pathlib import Path
+
+import pytest
+import trebucheck as tb
+from rich.console import Console
+from trebucheck.__main__ import main
+from trebucheck.cli import output
+from trebucheck.comparisons.report import terminal
+from trebucheck.comparisons.runs.distance import farthest
+from trebucheck.comparisons.runs.runner import Runner
+from trebucheck.comparisons.runs.study import in_order
+
+pytestmark = pytest.mark.usefixtures("kept_processes")
+
+COMPARE = ["compare", "--model", "fixed", "--engines", "reference", "--duration", "0.3", "--timestep", "5e-3"]
+
+
+def _said(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    main(arguments)
+    return capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_json_is_the_results_and_nothing_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = _said([*COMPARE, "--json", "--out", str(tmp_path)], capsys)
+    assert json.loads(said) == json.loads((tmp_path / "results.json").read_text())
+    quiet = _said([*COMPARE, "--resume", "--quiet", "--out", str(tmp_path)], capsys).splitlines()
+    assert len(quiet) == 2 and re.match(r"Agreement|Nothing", quiet[0]) and "results.json" in quiet[1]
+
+
+def test_quiet_and_json_of_a_throw(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert json.loads(_said(["throw", "--json", "--out", str(tmp_path)], capsys))["mechanism"]["name"] == "fixed"
+    first, second = _said(["throw", "-q", "--out", str(tmp_path)], capsys).splitlines()
+    assert first.startswith("fixed: 1007.7 m, released at 2.74282 s") and "throw.json" in second
+
+
+def test_progress_has_the_time_left_on_standard_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    screen = StringIO()
+    shown = Console(file=screen, force_terminal=True, width=100, color_system=None)
+    monkeypatch.setattr(terminal, "progress_console", lambda: shown)
+    clock = iter(range(0, 100_000, 10))
+    with output.progress("reference", 20) as show:
+        bar = show.__closure__  # the bar itself is the context's own
+        assert bar is not None
+        rich_bar = next(cell.cell_contents for cell in bar if hasattr(cell.cell_contents, "get_time"))
+        rich_bar.get_time = lambda: float(next(clock))
+        for done in range(4):
+            show(f"part {done}", done, 8)
+        rich_bar.refresh()
+        (task,) = rich_bar.tasks
+        assert task.time_remaining is not None
+        assert task.completed == 3 and task.total == 8
+    said = screen.getvalue()
+    assert "part 3" in said and "3/8" in said and "left" in said
+
+
+def test_quiet_has_no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    screen = StringIO()
+    monkeypatch.setattr(terminal, "progress_console", lambda: Console(file=screen, force_terminal=True))
+    with output.progress(told=output.Told(quiet=True)) as show:
+        show("part", 1, 2)
+    assert not screen.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("trebucheck compare --engines mu", {"mujoco"}),
+        ("trebucheck compare --engines mujoco,", {"mujoco,reference", "mujoco,pymunk", "mujoco,exudyn"}),
+        ("trebucheck compare --models sque", {"squeezer"}),
+        ("trebucheck run --preset ", {"stock", "tuned"}),
+        ("trebucheck run --option mujoco.solr", {"mujoco.solref="}),
+        ("trebucheck engines py", {"pymunk"}),
+        ("trebucheck models show roll", {"rolling"}),
+    ],
+)
+def test_a_shell_completes(words: str, expected: set[str]) -> None:
+    from trebucheck.cli import completion
+    from trebucheck.cli.app import app
+    from typer._completion_classes import BashComplete
+    from typer.main import get_command
+
+    *before, last = words.split(" ")
+    found = BashComplete(get_command(app), {}, "trebucheck", "_X").get_completions(before[1:], last)
+    assert {each.value for each in found} >= expected and completion
+    assert {each.value for each in found} - expected <= (set() if last != "" else {"reference"})
+
+
+@pytest.mark.slow
+def test_completion_of_the_installed_command() -> None:
+    asked = {
+        "_TREBUCHECK_COMPLETE": "complete_bash",
+        "COMP_WORDS": "trebucheck compare --engines mu",
+        "COMP_CWORD": "3",
+    }
+    run = [sys.executable, "-m", "trebucheck"]
+    done = subprocess.run(run, check=False, env=os.environ | asked, capture_output=True, text=True, timeout=120)
+    assert done.stdout.split() == ["mujoco"]
+
+
+def test_values_come_in_order_and_not_further_ahead_than_asked() -> None:
+    started: list[int] = []
+
+    def square(n: int) -> int:
+        started.append(n)
+        return n * n
+
+    assert list(in_order(square, range(20), 3)) == [n * n for n in range(20)]
+    started.clear()
+    endless = in_order(square, iter(range(10**9)), 2, ahead=4)
+    assert [next(endless) for _ in range(3)] == [0, 1, 4]
+    endless.close()
+    assert max(started) <= 7
+
+
+@pytest.mark.slow
+def test_several_processes_give_the_same_study(tmp_path: Path) -> None:
+    arguments = ["explain", "--model", "fixed", "--engines", "pymunk", "--preset", "tuned", "--until", "0.3"]
+    found: list[object] = []
+    for jobs in ("1", "2"):
+        assert main([*arguments, "--timestep", "5e-3", "--jobs", jobs, "--out", str(tmp_path / jobs)]) == 0
+        found.append(_without_times(json.loads((tmp_path / jobs / "explain.json").read_text())))
+    assert found[0] == found[1]
+
+
+def _without_times(value: object) -> object:
+    if isinstance(value, dict):
+        return {k: _without_times(v) for k, v in value.items() if k not in ("wall_time", "wall_times", "jobs")}
+    return [_without_times(each) for each in value] if isinstance(value, list) else value
+
+
+def test_results_say_how_many_were_made_at_once() -> None:
+    found = tb.compare(["fixed"], ["reference"], ["tuned"], duration=0.1, timestep=5e-3, isolate=False).results
+    assert "jobs" not in json.loads(found.made_by("x").to_json())
+    assert json.loads(found.made_by("x", 2).to_json())["jobs"] == 2
+
+
+# the distance of one run
+
+
+@pytest.mark.parametrize("until", [0.5, 1.0])
+def test_the_distance_is_the_largest_up_to_the_end(until: float) -> None:
+    from trebucheck.comparisons.runs.until import Until
+
+    runner = Runner(tb.fixed(), until=Until.of(until))
+    run = tb.engine("pymunk", timestep=5e-3).simulate(tb.Problem(tb.fixed(), duration=until + 0.1))
+    found = farthest(run, runner)
+    assert found.until == until and found.time <= until
+    (metric,) = [m for m in runner.measured(run) if m.label == f"position_max ({found.point})"]
+    assert found.distance == pytest.approx(metric.value, rel=1e-12)
+
+
+def test_run_says_how_far_it_is_from_the_reference(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["run", "--engine", "pymunk", "--duration", "0.3", "--out", str(tmp_path / "own.nc")]
+    said = " ".join(_said(arguments, capsys).split())
+    assert re.search(r"from the reference \d\.\de-\d+ m \(\w+ at [\d.]+ s; compared to 0\.3 s\)", said)
+    assert "from the reference" not in _said([*arguments, "--no-reference"], capsys)
