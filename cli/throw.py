@@ -14,8 +14,7 @@ from . import options, output
 
 if TYPE_CHECKING:
     from ..comparisons.runs.runner import Worker
-    from ..models.machines.parameters import TrebuchetParameters
-    from ..reference.throw.throw import Throw
+    from ..reference.throw.throw import Performance, Throw
 
 ReleaseAngle = Annotated[
     float | None,
@@ -35,7 +34,10 @@ Body = Annotated[
 ]
 Height = Annotated[float, typer.Option("--height", help="Of the landing above the fulcrum or wheel (m).")]
 WithSensitivities = Annotated[
-    bool, typer.Option("--sensitivities", help="Also differentiate speed and range by every parameter.")
+    bool,
+    typer.Option(
+        "--sensitivities", help="Also differentiate time, speed, angle and range by every number of the machine."
+    ),
 ]
 Out = Annotated[Path, options.out("Folder for throw.html and throw.json.")]
 
@@ -70,19 +72,18 @@ def throw_command(
     trebucheck throw --body mars --drag-area 0.05 --sling-angle 350
 
     trebucheck throw --model rolling --sensitivities
+
+    trebucheck throw --model my-machine.json --sensitivities
     """
     from ..comparisons.runs.runner import Worker
     from ..comparisons.throw.report import document
     from ..models.files import refuse_unwritable
-    from ..models.machines.parameters import TrebuchetParameters
     from ..reference.throw.throw import perform
 
     chosen = options.parameters(assignments, beam)
     mechanism = options.machine(model, assignments, beam, "throw")
     if body is not None and "g" in options.assignments(assignments, "--set"):
         raise InputError(f"--body {body} brings its own gravity; leave out --set g, or --body.")
-    if sensitivities:
-        _refuse_sensitivities_of(model)
     refuse_unwritable(out)
     release = {
         "release_angle": None if release_angle is None else math.radians(release_angle),
@@ -94,23 +95,19 @@ def throw_command(
         performance = worker.compute(partial(perform, mechanism, release, **more))
         throw = performance.throw
         if sensitivities:
-            base = chosen.whipper(model.strip()) or TrebuchetParameters()
-            throw = _with_sensitivities(throw, model.strip(), base, worker)
+            throw = _with_sensitivities(performance, model.strip(), chosen, worker)
     data = out / "throw.json", throw.to_json()
     output.publish(data, document(performance, throw), out / "throw.html", "Page", told=output.Told(quiet, json))
 
 
-def _refuse_sensitivities_of(model: str) -> None:
-    if model.strip() not in ("fixed", "rolling"):
-        raise InputError(
-            f"--sensitivities differentiates by a named machine's parameters, the whipper's; {model} has others "
-            "or none: use fixed or rolling."
-        )
-
-
-def _with_sensitivities(throw: Throw, model: str, base: TrebuchetParameters, worker: Worker) -> Throw:
+def _with_sensitivities(performance: Performance, model: str, chosen: options.Chosen, worker: Worker) -> Throw:
+    """Of the two whippers by Table I's parameters, of others by their physical numbers."""
+    from ..models.machines.parameters import TrebuchetParameters
     from ..reference.throw.sensitivity import sensitivities_of
 
-    parameters = base.model_copy(update={"g": throw.gravity})
-    derivatives = worker.compute(partial(sensitivities_of, model, parameters))
-    return throw.model_copy(update={"sensitivities": derivatives})
+    throw = performance.throw
+    whipper = model if model in ("fixed", "rolling") else None
+    parameters = (whipper and chosen.whipper(whipper)) or TrebuchetParameters()
+    parameters = parameters.model_copy(update={"g": throw.gravity})
+    found, sentences = worker.compute(partial(sensitivities_of, performance, whipper, parameters))
+    return throw.model_copy(update={"sensitivities": found, "warnings": (*throw.warnings, *sentences)})

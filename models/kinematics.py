@@ -89,9 +89,17 @@ class Kinematics(Phasors):
         return _as_vectors(self.rate(row, q, u))
 
     def speed_scale(self, row: PointCoefficients) -> float:
-        """A scale of a point's speeds [m/s]: what it would fall by all its arms, and what it moves at the start."""
-        arms, speeds = np.abs(row.coefficients), np.abs(initial_state(self.mechanism)[1])
-        return np.sqrt(self.mechanism.gravity * (arms @ self.is_angle)) + np.sum(arms * speeds, axis=-1)
+        """A scale of speeds [m/s]: what a point would fall by all its arms, and what it moves at the start.
+
+        That of the body which has the largest, if it is larger: a point that loops hold fast has but rounding for one.
+        """
+        own, of_bodies = self._speed_scales(row.coefficients[..., None, :]), self._speed_scales(self.centres)
+        return cast("float", np.maximum(own[..., 0], of_bodies.max(axis=-1)))
+
+    def _speed_scales(self, coefficients: ComplexArray) -> FloatArray:
+        arms, speeds = np.abs(coefficients), np.abs(initial_state(self.mechanism)[1])[..., None, :]
+        falls = np.asarray(self.mechanism.gravity)[..., None] * (arms @ self.is_angle)
+        return np.sqrt(falls) + np.sum(arms * speeds, axis=-1)
 
     def acceleration(self, row: PointCoefficients, q: FloatArray, u: FloatArray, a: FloatArray) -> FloatArray:
         """World acceleration [m/s^2] for generalized accelerations a, shape (..., 2)."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import chain
 
 from ...models.joints import PinJoint
@@ -50,7 +50,7 @@ def document(performance: Performance, throw: Throw) -> Document:
         *(Text(sentence(warning), "warning", medium="page") for warning in throw.warnings),
         table("|", _rows(throw), title),
         *((Figure(forces, "Forces", _FORCES, "forces", columns=2),) if forces else ()),
-        table(_SENSITIVITIES, throw.sensitivities, _DERIVATIVES),
+        table(_columns(throw), throw.sensitivities, _DERIVATIVES),
         Note(f"trebucheck {__version__}."),
         mechanism_as_data(throw.mechanism.name, throw.mechanism),
         *(Text(f"{warning}.", "warning", lead="warning:", medium="terminal") for warning in throw.warnings),
@@ -180,11 +180,11 @@ def _force_at(force: float, time: float) -> str:
     return f"{force / 1e3 + 0.0:.3f} kN at {time:.4f} s"
 
 
-def _signed(derivative: float | None, by: float | None = 1.0) -> str:
+def _signed(derivative: float | None, by: float | None, value: float) -> str:
     if derivative is None or by is None:
         return "–"
-    change = derivative * by
-    return "0" if abs(change) < 1e-8 else f"{change:+.4g}"  # rounding of a derivative that is zero
+    rounding = abs(derivative) * max(1.0, abs(value)) < 1e-8  # of a derivative that is zero
+    return "0" if rounding else f"{derivative * by:+.4g}"
 
 
 def _percent(each: Sensitivity) -> float | None:
@@ -192,12 +192,44 @@ def _percent(each: Sensitivity) -> float | None:
     return each.value / 100 or None
 
 
-_DERIVATIVES = "Sensitivities of the launch at 45 deg, flight without drag: exact derivatives, event times included"
-_SENSITIVITIES = (
-    Column("by", of=lambda each: each.name),
-    Column("value", of=lambda each: f"{each.value:.6g} {each.unit}"),
-    Column("speed", "m/s per unit", of=lambda each: _signed(each.launch_speed)),
-    Column("range", "m per unit", of=lambda each: _signed(each.range)),
-    Column("speed", "m/s per %", of=lambda each: _signed(each.launch_speed, _percent(each))),
-    Column("range", "m per %", of=lambda each: _signed(each.range, _percent(each))),
+_DERIVATIVES = (
+    "Sensitivities of the release, flight without drag: exact derivatives, event times included. What chose the "
+    "release is held, its angle or its time; with a number the start changes by the least that keeps loops and rests "
+    "closed"
 )
+
+
+def _columns(throw: Throw) -> tuple[Column, ...]:
+    """Per unit and per cent; without what the release holds."""
+    figures: dict[str, tuple[str, Callable[[Sensitivity], float | None]]] = {
+        "time": ("s", lambda each: each.launch_time),
+        "speed": ("m/s", lambda each: each.launch_speed),
+        "angle": ("deg", lambda each: math.degrees(each.launch_angle)),
+        "range": ("m", lambda each: each.range),
+    }
+    shown = {
+        name: (unit, of)
+        for name, (unit, of) in figures.items()
+        if any(_moves(of, each) for each in throw.sensitivities)
+    }
+    per_unit = (_column(name, f"{unit} per unit", of, lambda _: 1.0) for name, (unit, of) in shown.items())
+    per_cent = (_column(name, f"{unit} per %", of, _percent) for name, (unit, of) in shown.items())
+    return (
+        Column("by", of=lambda each: each.name),
+        Column("value", of=lambda each: f"{each.value:.6g} {each.unit}"),
+        *per_unit,
+        *per_cent,
+    )
+
+
+def _moves(of: Callable[[Sensitivity], float | None], each: Sensitivity) -> bool:
+    return _signed(of(each), 1.0, each.value) not in ("0", "–")
+
+
+def _column(
+    name: str,
+    unit: str,
+    of: Callable[[Sensitivity], float | None],
+    by: Callable[[Sensitivity], float | None],
+) -> Column:
+    return Column(name, unit, of=lambda each: _signed(of(each), by(each), each.value))

@@ -28,6 +28,10 @@ _SPANS = (3.0, 6.0, 12.0)  # durations of the motions, in characteristic times; 
 _THROUGH = -1e-9  # [rad] a gap below this is no rounding
 
 
+Held = Literal["velocity", "sling", "time"]
+"""What a release keeps when the machine changes: the angle of its velocity, or of its sling, or its time."""
+
+
 class LaunchFigures(Spec):
     """The projectile as it is let go; places are measured from where the fulcrum stands at the start."""
 
@@ -60,13 +64,17 @@ class RestFigures(Spec):
 
 
 class Sensitivity(Spec):
-    """Derivatives of the launch at 45 degrees, flying through vacuum, by one parameter or start value."""
+    """Derivatives of the release, flying through vacuum, by one number of the machine.
+
+    With the number what chose the release is held: an angle of the velocity or of the sling, or else its time.
+    """
 
     name: str
     value: Real = Field(description="of the parameter [its unit]")
     unit: str
     launch_time: Real = Field(description="[s per unit]")
     launch_speed: Real = Field(description="[m/s per unit]")
+    launch_angle: Real = Field(default=0.0, description="of the velocity above the horizontal [rad per unit]")
     range: Real | None = Field(description="[m per unit]; None where it does not land")
 
 
@@ -138,6 +146,8 @@ class Performance:
     surroundings: Surroundings
     flight: Flight
     best: Flight | None
+    held: Held
+    """What chose the release."""
 
     @property
     def solution(self) -> Solution:
@@ -217,7 +227,14 @@ def perform(
     flight = fly(released, surroundings)
     best_flight = None if farthest is None else fly(farthest, surroundings)
     figures = _figures(projectile, air, height, description, flight, best_flight)
-    return Performance(figures, projectile, surroundings, flight, best_flight)
+    return Performance(figures, projectile, surroundings, flight, best_flight, _held(chosen))
+
+
+def _held(chosen: dict[str, float]) -> Held:
+    """The release for the longest range by its time: to first order that range does not change with the time."""
+    if "sling_angle" in chosen:
+        return "sling"
+    return "time" if {"release_time", "best"} & chosen.keys() else "velocity"
 
 
 def _one_release(release: dict[str, float | None], best: bool) -> dict[str, float]:

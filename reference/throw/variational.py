@@ -72,14 +72,20 @@ def consistent_direction(mechanism: Mechanism, direction: Direction) -> dict[str
     Raises:
         InputError: the direction names a number that the mechanism does not have.
     """
+    return consistent_directions(mechanism, [direction])[0]
+
+
+def consistent_directions(mechanism: Mechanism, directions: Sequence[Direction]) -> list[dict[str, float]]:
+    """Several of :func:`consistent_direction`."""
     closed = [stop.name for stop in mechanism.stops if stop.closed]
-    equations, q = VariationalEquations(mechanism, [direction]), initial_state(mechanism)[0]
+    equations, q = VariationalEquations(mechanism, directions), initial_state(mechanism)[0]
     dq = equations.along_each("start", len(q))
     jacobian = equations.constraint_jacobian(q, closed)
     if len(jacobian):
-        residual = equations.residual_tangents(Dual(q, dq), closed)[:, 0]
-        dq = dq - least_step(jacobian, residual, equations.rank(q, closed))[:, None]
-    return dict(direction) | {f"start.{i}": float(value) for i, value in enumerate(dq[:, 0])}
+        residuals, rank = equations.residual_tangents(Dual(q, dq), closed), equations.rank(q, closed)
+        dq = dq - np.stack([least_step(jacobian, residual, rank) for residual in residuals.T], axis=1)
+    starts = [{f"start.{i}": float(value) for i, value in enumerate(column)} for column in dq.T]
+    return [dict(direction) | start for direction, start in zip(directions, starts, strict=True)]
 
 
 def _with_speeds(mechanism: Mechanism) -> Mechanism:
@@ -234,12 +240,18 @@ class DualEquations(Equations):
 class VariationalEquations(Equations):
     """The equations of motion and their derivatives along directions of the mechanism's numbers.
 
+    Args:
+        mechanism: at whose numbers the derivatives are.
+        directions: of its numbers.
+        names: what sentences call the directions.
+
     Raises:
         InputError: a direction names a number that the mechanism does not have.
     """
 
-    def __init__(self, mechanism: Mechanism, directions: Sequence[Direction]) -> None:
+    def __init__(self, mechanism: Mechanism, directions: Sequence[Direction], names: Sequence[str] = ()) -> None:
         super().__init__(mechanism)
+        self._names = tuple(names) or tuple(f"direction {j}" for j in range(len(directions)))
         for direction in directions:
             moved(mechanism, direction)  # refuses unknown names
         self.directions = tuple(directions)
@@ -289,11 +301,16 @@ class VariationalEquations(Equations):
     def refuse_misfits(self, q: Dual, closed: Sequence[str], what: str, fits: float = _FITS) -> None:
         """Refuse directions that open loops or closed stops, which no motion can follow."""
         misfits = np.abs(self.residual_tangents(q, closed)).max(axis=0, initial=0.0)
-        for j in np.flatnonzero(misfits > fits * np.maximum(1.0, np.abs(q.tangents).max(axis=0))):
+        for j in self.misfits(q, closed, fits):
             raise InputError(
-                f"direction {j} moves {what} off its closed stops {tuple(closed)} or loops by {misfits[j]:.3g} per "
+                f"{self._names[j]} moves {what} off its closed stops {tuple(closed)} or loops by {misfits[j]:.3g} per "
                 "unit; a motion is not differentiable there: move the stop's limit (or the joint) along."
             )
+
+    def misfits(self, q: Dual, closed: Sequence[str], fits: float = _FITS) -> list[int]:
+        """Which directions open loops or closed stops."""
+        misfits = np.abs(self.residual_tangents(q, closed)).max(axis=0, initial=0.0)
+        return np.flatnonzero(misfits > fits * np.maximum(1.0, np.abs(q.tangents).max(axis=0))).tolist()
 
     def accelerations(self, q: Dual, u: Dual, closed: Sequence[str]) -> tuple[Dual, Dual]:
         """Accelerations and multipliers of a state, with their derivatives; of multipliers where they are unique."""

@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from mechanisms import TABLE_ONE, chain
+from random_mechanisms import random_mechanism
 from trebucheck.models.launch import SmoothVelocity, first_launch, lead
+from trebucheck.models.mechanism import Marker
+from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.reference.certification.certificate import estimate_uncertainty
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import characteristic_time, solve
@@ -173,3 +176,18 @@ def test_a_launch_that_the_coarser_solution_lacks_is_unknown(monkeypatch: pytest
     assert unknown.of("launch_time") == launch.time
     assert unknown.of("launch_speed") == launch.speed
     assert (unknown.of("release_time", "sling rest") or 1.0) < 1e-9
+
+
+@pytest.mark.parametrize("taylor", [False, True])
+@pytest.mark.parametrize("law", list(StopLaw))
+def test_what_loops_hold_fast_is_not_launched(taylor: bool, law: StopLaw) -> None:
+    """A body that a loop locks, beside others that swing: its velocity is rounding, which points anywhere."""
+    mechanism = random_mechanism(32)
+    thrown = Marker(name="projectile", body=mechanism.bodies[-1].name, point=(0.5, 0.1))
+    locked = mechanism.model_copy(update={"markers": (thrown,)})
+    problem = Problem(locked, duration=2.0, stop_law=law)
+    if taylor:
+        pytest.importorskip("heyoka")
+        assert taylor_launch(problem) is None
+    else:
+        assert solve(problem).launch is None

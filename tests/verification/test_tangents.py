@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 import trebucheck as tb
+from directions import stepped
 from mechanisms import G, everything, hanging_bob, parallel_cranks, pin
 from random_mechanisms import random_mechanism
 from trebucheck.models.force_elements import RotationalSpringDamper
 from trebucheck.models.joints import GROUND, PrismaticJoint
-from trebucheck.models.kinematics import initial_state
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.problems.registry import benchmark
 from trebucheck.models.stops import PointStop
-from trebucheck.reference.equations import Equations, consistent_coordinates, kkt_matrix
 from trebucheck.reference.solver import solve
 from trebucheck.reference.throw.tangent import StateTangent, marker_tangent, state_tangent
-from trebucheck.reference.throw.variational import VariationalEquations, consistent_direction, moved, numbers
+from trebucheck.reference.throw.variational import VariationalEquations, consistent_direction, numbers
 
 STEP = 1e-4
 SOLVER = 1e-12  # of the largest number of a state: what the solver may err by, at a local error of 3e-14 over 100 steps
@@ -48,32 +46,6 @@ def random_direction(mechanism: Mechanism, least: float) -> Direction:
         elif component == "0":
             direction |= {name: -part * known[f"{base}.1"], f"{base}.1": part * value}
     return consistent_direction(mechanism, direction)
-
-
-def stepped(mechanism: Mechanism, direction: Direction, step: float, active: tuple[str, ...]) -> Mechanism:
-    """A mechanism moved along a direction, with unit vectors of length 1, on its loops and closed stops."""
-    other = moved(mechanism, direction, step)
-    unit = {
-        "joints": tuple(_of_length_one(joint, "axis") for joint in other.joints),
-        "stops": tuple(_of_length_one(stop, "normal") for stop in other.stops),
-    }
-    other = _of_length_one(other.model_copy(update=unit), "gravity_direction")
-    equations, (q, u) = Equations(other), initial_state(other)
-    closest = consistent_coordinates(equations, q, [stop.name for stop in other.stops if stop.closed])
-    assert closest is not None
-    mass, jacobian = equations.mass_matrix(closest), equations.constraint_jacobian(closest, active)
-    if (basis := equations.basis(closest, active)) is not None:
-        jacobian = basis.rows @ jacobian
-    kkt, right = kkt_matrix(mass, jacobian), np.concatenate([mass @ u, np.zeros(len(jacobian))])
-    speeds = np.linalg.solve(kkt, right)[: len(q)]
-    return other.model_copy(update={"start": tuple(closest.tolist()), "start_speeds": tuple(speeds.tolist())})
-
-
-def _of_length_one(part: Any, field: str) -> Any:
-    if not hasattr(part, field):
-        return part
-    x, y = getattr(part, field)
-    return part.model_copy(update={field: (x / math.hypot(x, y), y / math.hypot(x, y))})
 
 
 def assert_differences_agree(mechanism: Mechanism, t: float, law: StopLaw, least: float = 0.1) -> None:
