@@ -199,6 +199,9 @@ _DERIVATIVES = (
 )
 
 
+_RANKS = {"range": 1, "speed": 2, "time": 3, "angle": 4}  # what a narrow terminal leaves out first has the highest
+
+
 def _columns(throw: Throw) -> tuple[Column, ...]:
     """Per unit and per cent; without what the release holds."""
     figures: dict[str, tuple[str, Callable[[Sensitivity], float | None]]] = {
@@ -232,4 +235,4 @@ def _column(
     of: Callable[[Sensitivity], float | None],
     by: Callable[[Sensitivity], float | None],
 ) -> Column:
-    return Column(name, unit, of=lambda each: _signed(of(each), by(each), each.value))
+    return Column(name, unit, rank=_RANKS[name], of=lambda each: _signed(of(each), by(each), each.value))
