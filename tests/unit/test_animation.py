@@ -215,6 +215,7 @@ def test_the_script_prints_in_the_colours_of_pictures() -> None:
 # --- Files ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_gif_plays_the_motion_slower_about_events(tmp_path: Path) -> None:
     times = video.play_times(_scene(), 18.0)
     assert times[0] == 0 and times[-1] == END
@@ -230,6 +231,7 @@ def test_a_gif_plays_the_motion_slower_about_events(tmp_path: Path) -> None:
         assert (np.asarray(image.convert("RGB")) != first).any()
 
 
+@pytest.mark.slow
 def test_an_mp4_is_one(tmp_path: Path) -> None:
     pytest.importorskip("imageio_ffmpeg")
     bob = solve(tb.Problem(hanging_bob(), 1.0)).trajectory(np.linspace(0, 1, 101))
@@ -300,6 +302,7 @@ def test_a_file_in_the_folder_s_place_is_told(tmp_path: Path, refused: Callable[
     assert "is not a folder" in refused("animate", "pendulum", "--out", str(tmp_path / "there" / "motion.gif"))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("kept_processes")
 def test_animate_writes_a_problem_s_motion_and_that_of_files(
     tmp_path: Path, refused: Callable[..., str], capsys: pytest.CaptureFixture[str]
