@@ -1,13 +1,14 @@
 # make report   set up, compare all engines, write report/report.html
 # make test     set up, run the whole test suite
 # make quick    the fast tier: no engine simulates (under a minute)
+# make docs     the documentation as a site, in site/
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 SOURCES := $(shell git ls-files '*.py' 'models/mjcf' '*.json' '*.j2' '*.js' '*.css' 2>/dev/null) pyproject.toml
 OPEN   ?= $(shell command -v xdg-open || command -v open || echo true)
 
-.PHONY: report test quick lint types generated benchmark clean
+.PHONY: report test quick lint types generated docs benchmark clean
 
 # The wheel is installed, not the checkout: that proves that it is complete, and is what type checkers resolve.
 $(VENV)/installed: $(SOURCES) constraints.txt
@@ -36,8 +37,12 @@ types: $(VENV)/installed
 generated: $(VENV)/installed
 	$(BIN)/python docs/generate.py
 
+docs: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt ".[docs]"
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
 benchmark: $(VENV)/installed
 	$(BIN)/python benchmarks/launch.py
 
 clean:
-	rm -rf $(VENV) build report *.egg-info
+	rm -rf $(VENV) build report site *.egg-info

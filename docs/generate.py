@@ -1,11 +1,25 @@
-"""Write what the repository holds generated: schemas, the README's table and picture (`make generated`)."""
+"""Write what the repository holds generated: schemas, tables, pictures, reference pages (`make generated`).
+
+With names of parts only those: `python docs/generate.py readme commands`.
+"""
 
 from __future__ import annotations
 
+import inspect
 import re
+import subprocess
+import sys
+from collections.abc import Callable
+from enum import Enum
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
+import console
+import notebook
 import trebucheck as tb
+import typer
+from trebucheck.cli.app import app
 from trebucheck.comparisons.compare import plots as figures
 from trebucheck.comparisons.compare.agreement import differences
 from trebucheck.comparisons.compare.study import Comparison
@@ -32,13 +46,14 @@ from trebucheck.paper.evidence.claims import Study
 from trebucheck.paper.report import summary
 from trebucheck.paper.study import study
 from trebucheck.reference.solver import solve
+from typer.cli import get_docs_for_click
 
 ROOT = Path(__file__).parents[1]
 OTHERS = tuple(name for name in models() if name not in ("fixed", "rolling"))
 
 
 def agreement_table(comparison: Comparison) -> str:
-    """The README's tables, one a machine, in Markdown."""
+    """The tables of docs/agreement.md, one a machine, in Markdown."""
     tables = []
     for machine in comparison.results.machines:
         runs = (run for run in comparison.results.runs if run.model == machine.model and run.engine != "reference")
@@ -134,22 +149,140 @@ def _with_block(text: str, name: str, content: str) -> str:
     return block.sub(lambda match: match[1] + content + match[2], text)
 
 
-def main() -> None:
-    """Rewrite all of it."""
-    write_schemas()
-    write_problems()
-    write_engines_on_problems()
+def small_table(agreement: str) -> str:
+    """The README's table, from the page of all: tuned engines on the paper's machines, a row an engine."""
+    chosen = ("projectile [m]", "launch time [s]", "joint force")
+    rows: dict[str, list[str]] = {}
+    titles: list[str] = []
+    heads: list[str] = []
+    for line in agreement.partition("<!-- end -->")[0].splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if line.endswith(" machine**"):
+            titles += [f"{line.strip('*').split()[0].lower()}: {title}" for title in chosen]
+        elif line.startswith("| engine"):
+            heads = cells
+        elif cells[0].endswith(" tuned"):
+            of = dict(zip(heads, cells, strict=True))
+            rows.setdefault(cells[0].split()[0], []).extend(of[title] for title in chosen)
+    lines = [("engine", *titles), ("---",) * (1 + len(titles)), *((name, *row) for name, row in rows.items())]
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+
+
+def write_agreement() -> None:
+    """The page of differences, with its picture."""
+    comparison = tb.compare()
+    page = ROOT / "docs" / "agreement.md"
+    text = _with_block(page.read_text(), "agreement", agreement_table(comparison))
+    page.write_text(_with_block(text, "other machines", agreement_table(tb.compare(OTHERS, presets=["tuned"]))))
+    write_picture(picture(distance_plots(comparison)), ROOT / "docs" / "pictures" / "distance.svg")
+
+
+def write_paper() -> None:
+    """The page of the paper's claims."""
+    page = ROOT / "docs" / "paper.md"
+    page.write_text(_with_block(page.read_text(), "paper", summary(study(["reference"]))))
+
+
+_MOTION = ["animate", "fixed", "--engines", "pymunk", "--preset", "stock", "--width", "560"]
+
+
+def write_motion() -> None:
+    """The README's moving picture."""
+    made = Path(sys.executable).parent / "trebucheck"
+    subprocess.run([made, *_MOTION, "--out", ROOT / "docs/pictures/fixed.gif"], check=True)
+
+
+def write_readme() -> None:
+    """The README's table, from the page of differences, and the answers of its commands."""
+    readme = ROOT / "README.md"
+    table = small_table((ROOT / "docs" / "agreement.md").read_text())
+    readme.write_text(_with_block(readme.read_text(), "table", table))
+    console.refresh(readme)
+
+
+def write_commands() -> None:
+    """The page of all commands, from their help."""
+    command: Any = typer.main.get_command(app)
+    context = typer.Context(command, info_name="trebucheck")
+    text = get_docs_for_click(obj=command, ctx=context, name="trebucheck", title="Commands")
+    (ROOT / "docs" / "commands.md").write_text(f"<!-- written by docs/generate.py -->\n{text.strip()}\n")
+
+
+def write_api() -> None:
+    """The page of all public names, from their docstrings."""
+    parts = ["<!-- written by docs/generate.py -->\n# API\n\n`import trebucheck as tb`; SI units and radians.\n"]
+    for name in sorted(tb.__all__, key=str.lower):
+        value = getattr(tb, name)
+        if callable(value):
+            parts.append(
+                f"## tb.{name}\n\n```text\n{_signature(name, value)}\n\n{_docstring(value)}{_members(value)}\n```\n"
+            )
+    (ROOT / "docs" / "api.md").write_text("\n".join(parts))
+
+
+def _signature(name: str, value: Any) -> str:
+    """As it is called; of what pydantic makes, fields are described below it instead of typed."""
+    called = value.__call__ if isinstance(value, ModuleType) else value
+    arguments = list(map(_argument, inspect.signature(called).parameters.values()))
+    text = f"tb.{name}({', '.join(arguments)})"
+    text = text if len(text) <= 100 else f"tb.{name}(\n    " + ",\n    ".join(arguments) + ",\n)"
+    fields = getattr(value, "model_fields", {}) if isinstance(value, type) else {}
+    described = [f"    {field}: {about.description}" for field, about in fields.items() if about.description]
+    return "\n".join((text, "", "Fields:", *described)) if described else text
+
+
+def _argument(parameter: inspect.Parameter) -> str:
+    stars = {parameter.VAR_POSITIONAL: "*", parameter.VAR_KEYWORD: "**"}.get(parameter.kind, "")
+    typed = f": {parameter.annotation}" if isinstance(parameter.annotation, str) else ""
+    default = parameter.default
+    if default is parameter.empty:
+        return f"{stars}{parameter.name}{typed}"
+    return f"{stars}{parameter.name}{typed} = {default.value if isinstance(default, Enum) else default!r}"
+
+
+def _members(value: Any) -> str:
+    """Public methods and properties of a class, with the first line of what is said of them."""
+    if not isinstance(value, type) or issubclass(value, Exception):
+        return ""
+    own = {name: each for base in reversed(value.__mro__) if "trebucheck" in base.__module__
+           for name, each in vars(base).items() if not name.startswith("_")}  # fmt: skip
+    said = {name: inspect.getdoc(each) for name, each in own.items() if callable(each) or hasattr(each, "__get__")}
+    lines = [f"    {name}: {text.splitlines()[0]}" for name, text in sorted(said.items()) if text]
+    return "\n".join(("", "", "Members:", *lines)) if lines else ""
+
+
+def _docstring(value: Any) -> str:
+    own = value.__call__.__doc__ if isinstance(value, ModuleType) else value.__doc__
+    text = re.sub(r":\w+:`\.*([\w.]+)`", r"`\1`", inspect.cleandoc(own or ""))
+    return text.replace("  # doctest: +SKIP", "")
+
+
+def write_trajectories() -> None:
+    """The certified trajectories."""
     for name in names():
         publish(name, ROOT / "comparisons" / "data" / "trajectories")
-    comparison = tb.compare()
-    readme = ROOT / "README.md"
-    text = _with_block(readme.read_text(), "agreement", agreement_table(comparison))
-    text = _with_block(text, "other machines", agreement_table(tb.compare(OTHERS, presets=["tuned"])))
-    text = _with_block(text, "paper", summary(study(["reference"])))
-    readme.write_text(text)
-    pictures = ROOT / "docs" / "pictures"
-    pictures.mkdir(exist_ok=True)
-    write_picture(picture(distance_plots(comparison)), pictures / "distance.svg")
+
+
+PARTS: dict[str, Callable[[], None]] = {
+    "schemas": write_schemas,
+    "problems": write_problems,
+    "engines": write_engines_on_problems,
+    "trajectories": write_trajectories,
+    "agreement": write_agreement,
+    "paper": write_paper,
+    "motion": write_motion,
+    "readme": write_readme,
+    "tutorial": lambda: console.refresh(ROOT / "docs" / "tutorial.md"),
+    "commands": write_commands,
+    "api": write_api,
+    "notebook": lambda: notebook.execute(ROOT / "examples" / "notebook.ipynb"),
+}
+
+
+def main() -> None:
+    """Rewrite the parts that are named, or all of them."""
+    for name in sys.argv[1:] or PARTS:
+        PARTS[name]()
 
 
 if __name__ == "__main__":

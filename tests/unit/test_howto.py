@@ -17,11 +17,11 @@ ROWS = "compare", "diff", "converge", "explain", "recommend", "throw", "animate"
 
 def _printed(name: str) -> Iterator[str]:
     for line in (ROOT / name).read_text(encoding="utf-8").splitlines():
-        if line.startswith("    trebucheck "):
-            yield line.strip()
+        if line.startswith(("    trebucheck ", "$ trebucheck ")):
+            yield line.lstrip("$ ").partition(" | ")[0]
 
 
-@pytest.mark.parametrize("line", [*_printed("docs/howto.md"), *_printed("README.md")])
+@pytest.mark.parametrize("line", [*_printed("docs/howto.md"), *_printed("docs/tutorial.md"), *_printed("README.md")])
 def test_printed_commands_are_understood(line: str) -> None:
     command: Any = typer.main.get_command(app)
     words = shlex.split(line, comments=True)[1:]

@@ -1,4 +1,4 @@
-"""The whole study of the paper is the README's; its designs, read by other means and looked for from elsewhere."""
+"""The whole study of the paper is docs/paper.md's; its designs, read by other means and looked for from elsewhere."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from trebucheck.reference.solver import solve, solve_to_launch
 from trebucheck.reference.throw.flight import Surroundings, fly
 from trebucheck.reference.throw.release import Projectile
 
-README = Path(__file__).parents[2] / "README.md"
+PAGE = Path(__file__).parents[2] / "docs" / "paper.md"
 NEEDED = 1e-6  # [s] the two instants may stand apart
 
 pytestmark = pytest.mark.slow  # one study for all of them: some 30 s
@@ -44,7 +44,7 @@ def _cells(markdown: str) -> list[list[str]]:
 
 def test_what_becomes_of_the_paper() -> None:
     """Verdicts and our own values are the reference's: no engine is needed to have them."""
-    block = README.read_text().partition("<!-- generated: paper -->\n")[2].partition("<!-- end -->")[0]
+    block = PAGE.read_text().partition("<!-- generated: paper -->\n")[2].partition("<!-- end -->")[0]
     found, printed = _cells(summary(paper())), _cells(block)
     assert [row[:3] for row in found] == [row[:3] for row in printed]
     for mine, theirs in zip(found, printed, strict=True):
