@@ -205,6 +205,7 @@ def write_commands() -> None:
     command: Any = typer.main.get_command(app)
     context = typer.Context(command, info_name="trebucheck")
     text = get_docs_for_click(obj=command, ctx=context, name="trebucheck", title="Commands")
+    text = re.sub(r"^(?:Example: )?(trebucheck .*)$", r"    \1", text, flags=re.MULTILINE)  # examples as code
     (ROOT / "docs" / "commands.md").write_text(f"<!-- written by docs/generate.py -->\n{text.strip()}\n")
 
 
