@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import pages
 import pytest
+from page_checks import DESKTOP
 from trebucheck.comparisons.report import html
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
-DESKTOP, PHONE = {"width": 1400, "height": 900}, {"width": 390, "height": 844}
-SCHEMES = ("light", "dark")
 
 
 @pytest.fixture(scope="session")

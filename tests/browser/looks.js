@@ -63,6 +63,10 @@
         const box = drawing.getBoundingClientRect();
         if (!box.width || box.left < outer.left - 1 || box.right > outer.right + 1 || box.bottom > outer.bottom + 1) found.push(`a drawing leaves ${this.name(figure)}`);
       }
+      for (const axis of ["x", "y"]) {
+        const bare = [...figure.querySelectorAll(".panel svg")].some((svg) => !svg.querySelector(`[aria-label="${axis}-axis tick label"]`)?.textContent);
+        if (bare) found.push(`${this.name(figure)} has no numbers along ${axis}`);
+      }
       const whole = outer.height <= height ? figure : null;
       for (const part of whole ? [whole] : figure.querySelectorAll(".panels > div, canvas")) {
         if (getComputedStyle(part).breakInside !== "avoid") found.push(`${this.name(part)} may be cut`);

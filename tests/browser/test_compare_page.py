@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pages
 import pytest
+from page_checks import DESKTOP
 from scipy.interpolate import CubicSpline
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-DESKTOP = {"width": 1400, "height": 900}
 MODEL, MARKER = "fixed", "projectile"
 PLAYER = "document.querySelector('section.animation').trebucheck"
 

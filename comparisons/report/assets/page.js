@@ -10,7 +10,7 @@
   addEventListener("hashchange", unfold);
   addEventListener("DOMContentLoaded", unfold);
   function scrollable() {
-    for (const box of document.querySelectorAll("main .scroll")) {
+    for (const box of document.querySelectorAll("main .scroll, main .animation-scroll")) {
       if (box.scrollWidth > box.clientWidth + 1) {
         box.tabIndex = 0;
         box.setAttribute("role", "region");

@@ -3,7 +3,7 @@
 (() => {
   const arrays = JSON.parse(document.getElementById("arrays").textContent).map(decode);
   const groups = new Map(); // zoomed interval of x, and series left out, by group of plots
-  const LEFT = 64, NAMES = 150, SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
+  const LEFT = 70, NAMES = 150, SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 
   function decode(text) {
     const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
@@ -109,7 +109,8 @@
     const lines = series.every((s) => s.mark === "line");
     const inside = (p) => p.y !== null && (!interval || (p.x >= interval[0] && p.x <= interval[1]));
     const of = (key) => series.flatMap((s) => s.points.filter(inside).map((p) => p[key]));
-    const across = series.flatMap((s) => s.points.filter((p) => p.x !== null && (lines || p.y !== null)).map((p) => p.x));
+    const across = series.flatMap((s) => s.points.filter((p) => p.x !== null && (lines || p.y !== null) && (!plot.x.logarithmic || p.x > 0)).map((p) => p.x));
+    const rules = plot.rules.filter((r) => r.across === "y").map((r) => r.at);
     const spread = series.flatMap((s) => [...(s.low ?? []), ...(s.high ?? [])]);
     const room = plot.labels.some((l) => l.beside) ? 1.7 * Math.max(...across, ...spread) : 0; // for the texts
     const left = plot.y.categories.length ? NAMES : LEFT;
@@ -118,7 +119,7 @@
       width, height: plot.equal ? undefined : plot.height, aspectRatio: plot.equal ? 1 : undefined,
       marginLeft: left, marginBottom: 44, marginTop: 14, marginRight: 14, style: {background: "none", overflow: "visible"},
       x: scale(plot.x, interval ?? domainOf(plot.x, [...across, ...(plot.y.categories.length ? [0, ...spread, room] : [])], lines ? 0 : 0.06)),
-      y: scale(plot.y, domainOf(plot.y, [...of("y"), ...(barred ? [0] : [])], barred ? 0.02 : 0.06), true), marks: marksOf(plot, series),
+      y: scale(plot.y, domainOf(plot.y, [...of("y"), ...rules, ...(barred ? [0] : [])], barred ? 0.02 : plot.labels.some((l) => !l.beside) ? 0.12 : 0.06), true), marks: marksOf(plot, series),
     });
     drawn.setAttribute("aria-hidden", "true"); // its box has a name, and says what it shows
     box.replaceChildren(drawn);
