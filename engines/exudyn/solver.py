@@ -36,6 +36,9 @@ _ITERATIONS = 25  # as Exudyn has it: more would reach another branch of the mot
 _LEAPS = (5.0, 6.0, 8.0, 12.0)  # in steps: over a singular position, to an end that is farther from it than the start
 _BACK = 2  # steps before the last good one at which a leap begins: the last ones were near the position as well
 _LEAP_ITERATIONS = 200
+# Redundant joints contradict each other by the drift of the positions, of the order of the truncation error, and no
+# iteration gets below that. Just above it iterations end, with multipliers that spoil the steps after.
+_CONTRADICTION = 1e-5  # [N, m/s] residual that is small enough once a step has failed whose joints are redundant
 _JUMP = 0.2  # of the largest rotational speed: a leap that changes one more has gone to another branch
 Monitor = Callable[[float], bool]
 """Called with the time after each step; False stops the run there."""
@@ -83,6 +86,8 @@ class Solver:
         }
         """Of each sensor in a table; column 0 is the time [s]."""
         self._dependent = _may_be_dependent(system.mechanism)
+        self._redundant = _has_redundant_joints(system.mechanism)
+        self._residual = options.newton_absolute
 
     def start(self) -> State:
         """The state as built."""
@@ -143,7 +148,8 @@ class Solver:
         """Table of all sensors at the start and after each step, shape (n, columns).
 
         A step that ends too near to a singular position of a loop fails; a longer one over the position takes its
-        place, unless Exudyn is to shorten steps by itself.
+        place, unless Exudyn is to shorten steps by itself. Where joints are redundant, a larger residual is small
+        enough from then on, before that is tried.
 
         Args:
             state: where to start.
@@ -159,6 +165,10 @@ class Solver:
         table, outcome = self._equal_steps(state, active, end, steps, monitor)
         failed = -np.inf
         while outcome is _Outcome.FAILED:
+            if self._redundant and self._residual < _CONTRADICTION:
+                self._residual = _CONTRADICTION
+                table, outcome = self._onwards(table, step, end, monitor)
+                continue
             if table[-1, 0] <= failed:
                 self._give_up(table, end)
             failed = float(table[-1, 0])
@@ -200,9 +210,16 @@ class Solver:
                 break
         else:
             self._give_up(table, end)
-        table, now = np.concatenate([table[:-1], leap]), self.state(leap, -1)
-        if outcome is _Outcome.STOPPED or self._is_at(now.t, end):
+        table = np.concatenate([table[:-1], leap])
+        if outcome is _Outcome.STOPPED or self._is_at(float(table[-1, 0]), end):
             return table, outcome
+        return self._onwards(table, step, end, monitor)
+
+    def _onwards(
+        self, table: FloatArray, step: float, end: float, monitor: Monitor | None
+    ) -> tuple[FloatArray, _Outcome]:
+        """A table and equal steps after it."""
+        now = self.state(table, -1)
         rest, outcome = self._equal_steps(now, self.system.active, end, max(1, round((end - now.t) / step)), monitor)
         return np.concatenate([table[:-1], rest]), outcome
 
@@ -225,6 +242,8 @@ class Solver:
 
     def _give_up(self, table: FloatArray, end: float) -> NoReturn:
         hint = "a shorter timestep may help" if len(table) > 1 else "the step is too long, or a position singular"
+        if self._redundant:
+            hint = "its joints are redundant, and contradict each other as they drift; a shorter timestep may help"
         solver = f"exudyn's {self.options.integrator} solver"
         raise SimulationError(f"{solver} gave up after t = {table[-1, 0]:.6g} s of {end:.6g} s; {hint}.")
 
@@ -268,7 +287,7 @@ class Solver:
         time.generalizedAlpha.useIndex2Constraints = options.integrator.endswith("2")
         time.generalizedAlpha.spectralRadius = options.spectral_radius
         newton.useModifiedNewton = options.modified_newton
-        newton.relativeTolerance, newton.absoluteTolerance = options.newton_relative, options.newton_absolute
+        newton.relativeTolerance, newton.absoluteTolerance = options.newton_relative, self._residual
         if self.system.springs:
             # The force of a stiff spring is known only to the rounding of an angle times its stiffness, and would not
             # fall further; the increments of the coordinates do. Exudyn wants both tolerances alike for them.
@@ -287,3 +306,10 @@ def _may_be_dependent(mechanism: Mechanism) -> bool:
     rows = [kinematics.gap_jacobian(stop.name, q) for stop in mechanism.stops if stop.closed]
     dependent = len(rows) > 1 and int(np.linalg.matrix_rank(np.array(rows), rtol=DEPENDENT)) < len(rows)
     return dependent or bool(mechanism.loop_joints)
+
+
+def _has_redundant_joints(mechanism: Mechanism) -> bool:
+    """Whether conditions of the loops follow from others at the start."""
+    kinematics, (q, _) = Kinematics(mechanism), initial_state(mechanism)
+    rows = kinematics.loop_jacobian(q)
+    return len(rows) > 0 and int(np.linalg.matrix_rank(rows, rtol=DEPENDENT)) < len(rows)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from mechanisms import parallel_cranks, rods_on_a_slot
+from random_mechanisms import random_mechanism
 from trebucheck.comparisons.equivalence.checks import EXACT, check_model
 from trebucheck.models.joints import GROUND, PrismaticJoint, SlotJoint
 from trebucheck.models.mechanism import Body, Mechanism
@@ -26,6 +27,18 @@ def test_redundant_joints_do_not_change_the_motion(engine: str) -> None:
         exact = solve(Problem(redundant, 0.5)).motion(two.t)
         error = np.abs(one.q - exact.q[:, : one.q.shape[1]]).max()
         assert np.abs(two.q - exact.q).max() < 3 * error + 1e-9
+
+
+@pytest.mark.parametrize(("seed", "timestep"), [(39, 7e-4), (466, 3.2e-4)])
+def test_redundant_joints_that_drift_do_not_stop_exudyn(seed: int, timestep: float) -> None:
+    """They contradict each other, and no iteration has a residual below that: it gave up after 0.4 s and 0.16 s."""
+    problem = Problem(random_mechanism(seed), 1.0)
+    exact, errors = solve(problem), list[float]()
+    for h in (timestep, timestep / 2):
+        run = tb.engine("exudyn", timestep=h).simulate(problem)
+        errors.append(float(np.abs(run.q - exact.trajectory(run.t).q).max()))
+    assert errors[0] < 1e-5
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.25)
 
 
 SLIGHT = 0.003  # [rad]
