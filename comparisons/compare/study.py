@@ -77,6 +77,12 @@ def compare(
 ) -> Comparison:
     """Run engines on machines and measure them against the reference, up to the launch.
 
+        >>> import trebucheck as tb
+        >>> comparison = tb.compare(["fixed"], ["mujoco"], ["tuned"])  # doctest: +SKIP
+        >>> comparison.passed  # doctest: +SKIP
+        True
+        >>> comparison.write_html("report.html")  # doctest: +SKIP
+
     Args:
         models: names of machines or of the library's problems, mechanisms of your own, or problems.
         engines: names; all known ones if left out. Those not installed become rows that say so.

@@ -32,6 +32,10 @@ def diff(
 ) -> Difference:
     """What moved and what broke from one comparison to another.
 
+        >>> import trebucheck as tb
+        >>> difference = tb.diff("before", "after/results.json")  # doctest: +SKIP
+        >>> difference.passed, difference.to_dataframe().query("moved")  # doctest: +SKIP
+
     Args:
         old, new: comparisons, their results, or paths of results.json or of the folders that hold it.
         factor: least by which an error must change to have moved; above 1.

@@ -1,4 +1,4 @@
-"""The report of one run: its figures and its quantities over time."""
+"""The report of one run: its figures, its motion, and its quantities over time."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from ...models.arrays import FloatArray
+from ...models.drawing.scene import scene
 from ...models.trajectory import Trajectory
-from .document import Document, Figure
+from .document import Animation, Document, Figure
 from .plots import Axis, Panels, Plot, Series, Style
 from .sections import run_report
 
@@ -22,7 +23,8 @@ def document(trajectory: Trajectory) -> Document:
     shown = run_report(trajectory)
     caption = "Paths of the markers, the generalized coordinates, what the stops push with, and the energies."
     figure = Figure(_panels(trajectory), "The run", caption, "run", columns=2)
-    return replace(shown, blocks=(*shown.blocks, figure), window=f"trebucheck: {shown.title}")
+    motion = Animation(lambda: (scene(trajectory),))
+    return replace(shown, blocks=(*shown.blocks, motion, figure), window=f"trebucheck: {shown.title}")
 
 
 def _panels(run: Trajectory) -> Panels:
