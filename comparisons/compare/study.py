@@ -75,13 +75,7 @@ def compare(
     progress: Callable[[Case, int, int], None] | None = None,
     **options: Any,
 ) -> Comparison:
-    """Run engines on machines and measure them against the reference, up to the launch.
-
-        >>> import trebucheck as tb
-        >>> comparison = tb.compare(["fixed"], ["mujoco"], ["tuned"])  # doctest: +SKIP
-        >>> comparison.passed  # doctest: +SKIP
-        True
-        >>> comparison.write_html("report.html")  # doctest: +SKIP
+    """Measure engines on machines against the reference, to the launch: `tb.compare(["fixed"], ["mujoco"]).plot()`.
 
     Args:
         models: names of machines or of the library's problems, mechanisms of your own, or problems.

@@ -165,7 +165,7 @@ def test_certify_takes_a_problems_own_duration_and_law(monkeypatch: pytest.Monke
     assert [how["stop_law"] for how in asked] == ["unilateral", squeezer.stop_law, "release-once"]
 
 
-@pytest.mark.parametrize("module", ["comparisons.front.studies", "comparisons.compare.study", "comparisons.diff.study"])
+@pytest.mark.parametrize("module", ["comparisons.front.studies", "comparisons.diff.study"])
 def test_examples_in_docstrings_are_python(module: str) -> None:
     found = doctest.DocTestFinder().find(importlib.import_module(f"trebucheck.{module}"))
     assert any(test.examples for test in found)
