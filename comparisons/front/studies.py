@@ -44,6 +44,8 @@ class How(TypedDict, total=False):
     """Simulate in a process of its own; true if left out."""
     timeout: float
     """Longest wait for one run [s]."""
+    jobs: int
+    """Engine runs made at once; 1 if left out."""
     progress: Progress | None
     """Called before each part with what it is, the number of parts done and of all parts."""
 
