@@ -265,7 +265,7 @@ def test_numbers_of_the_overview_are_those_of_the_results(page: Page) -> None:
             text = re.sub(r"^[✓✗○!]\s*", "", cells[heading][0]).partition(" ")[0]
             if text not in ("–", ""):
                 compared += 1
-                assert float(text) == pytest.approx(max(map(abs, values)), rel=0.051), (model, label, heading)
+                assert float(text) == pytest.approx(max(map(abs, values)), rel=0.051, abs=0), (model, label, heading)
             else:
                 assert None in values or not values
         if run["wall_time"] is not None:
@@ -291,6 +291,6 @@ def test_numbers_of_every_metric_are_those_of_the_results(page: Page) -> None:
             subject = f" ({metric['subject']})" if metric.get("subject") else ""
             assert (label, unit) == (metric["name"] + subject, metric["unit"])
             if metric["value"] is not None:
-                assert float(re.sub(r"^[✓✗○!]\s*", "", value)) == pytest.approx(metric["value"], rel=5.1e-7)
+                assert float(re.sub(r"^[✓✗○!]\s*", "", value)) == pytest.approx(metric["value"], rel=5.1e-7, abs=0)
             if metric.get("tolerance") is not None:
-                assert float(tolerance) == pytest.approx(metric["tolerance"], rel=0.051)
+                assert float(tolerance) == pytest.approx(metric["tolerance"], rel=0.051, abs=0)
