@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from scipy.optimize import brentq
-from trebucheck.comparisons.compare import study as comparing
-from trebucheck.comparisons.runs import study as studying
+from trebucheck.comparisons.compare import machine as comparing
 from trebucheck.comparisons.runs.results import Outcome, Run
 from trebucheck.comparisons.runs.runner import Runner, Worker
 from trebucheck.comparisons.runs.until import Until
@@ -112,14 +111,13 @@ def run_with(fault: Fault, model: str, monkeypatch: pytest.MonkeyPatch) -> Run:
         rounded_text(monkeypatch, fault.text)
     if fault.patch:
         fault.patch(monkeypatch)
-    make = studying.engine
+    make = registry.engine
 
     def spoilt(name: str, preset: str, **options: Any) -> Any:
         inner = make(name, preset, **options)
         return Faulty(inner, **fault.parts) if fault.parts else inner
 
     monkeypatch.setattr(comparing, "Runner", lambda mechanism, _, until, law: _runner(mechanism, until, law))
-    monkeypatch.setattr(studying, "engine", spoilt)
     monkeypatch.setattr(registry, "engine", spoilt)  # with other options it is as faulty
     results = tb.compare([model], [fault.engine], ["tuned"], isolate=False, **(fault.options or {})).results
     return results.runs[0]

@@ -59,7 +59,7 @@ def _study(model: str) -> Study:
 
 def _throw() -> Document:
     performance = perform(tb.rolling(), {}, best=True)
-    sensitive = sensitivities_of("rolling", tb.TrebuchetParameters())
+    sensitive, _ = sensitivities_of(performance, "rolling", tb.TrebuchetParameters())
     return throw_report.document(performance, performance.throw.model_copy(update={"sensitivities": sensitive}))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from functools import cache
 
 from rich import table as rich_table
 from rich.box import SIMPLE_HEAD
@@ -24,7 +23,6 @@ _STYLES: dict[Mark, str] = {
 }
 
 
-@cache
 def console() -> Console:
     """Standard output; into a file or a pipe whose width nobody states, each sentence is one line."""
     to = Console(highlight=False)

@@ -125,10 +125,10 @@ def test_a_diagnosis_reads_as_a_sentence() -> None:
 
 @pytest.mark.slow
 def test_a_gate_that_fails_ends_the_run_and_not_the_report(monkeypatch: pytest.MonkeyPatch) -> None:
-    from trebucheck.comparisons.runs import study as studying
+    from trebucheck.engines import registry
 
-    make = studying.engine
-    monkeypatch.setattr(studying, "engine", lambda *a, **o: Faulty(make(*a, **o), machine=parameters(g=9.8)))
+    make = registry.engine
+    monkeypatch.setattr(registry, "engine", lambda *a, **o: Faulty(make(*a, **o), machine=parameters(g=9.8)))
     results = tb.compare(["fixed"], ["reference"], ["tuned"], isolate=False).results
     (run,) = results.runs
     assert run.outcome is Outcome.NOT_EQUIVALENT and not results.passed

@@ -31,7 +31,10 @@ def _said(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 
 
 @pytest.mark.slow
-def test_json_is_the_results_and_nothing_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_is_the_results_and_nothing_else(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)  # which workers of the tests have, and pipes have not
     said = _said([*COMPARE, "--json", "--out", str(tmp_path)], capsys)
     assert json.loads(said) == json.loads((tmp_path / "results.json").read_text())
     quiet = _said([*COMPARE, "--resume", "--quiet", "--out", str(tmp_path)], capsys).splitlines()
