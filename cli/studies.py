@@ -111,6 +111,7 @@ def _publish(comparison: Comparison, out: Path, store: Store, told: output.Told)
 
 
 def converge_command(
+    context: typer.Context,
     models: options.Models = "fixed,rolling",
     engines: options.Engines = None,
     knobs: Annotated[
@@ -148,6 +149,7 @@ def converge_command(
     told = output.Told(quiet, json)
     with output.progress(told=told) as show:
         studies = converge(replace(study, progress=show), chosen)
+    studies = studies.made_by(output.command_line(context))
     output.publish(
         (out / "converge.json", studies.to_json()),
         document(studies),
@@ -160,6 +162,7 @@ def converge_command(
 
 
 def explain_command(
+    context: typer.Context,
     models: options.Models = "fixed,rolling",
     engines: options.Engines = None,
     preset: options.Preset = "tuned,stock",
@@ -196,6 +199,7 @@ def explain_command(
     told = output.Told(quiet, json)
     with output.progress(width=44, told=told) as show:
         explanation = explain(replace(study, progress=show))
+    explanation = explanation.made_by(output.command_line(context))
     data = out / "explain.json", explanation.to_json()
     output.publish(data, document(explanation), out / "explain.html", "Page", store=study.store, told=told)
     if explanation.failures:
@@ -203,6 +207,7 @@ def explain_command(
 
 
 def recommend_command(
+    context: typer.Context,
     model: options.Model = "fixed",
     position: Position = None,
     torque: Torque = None,
@@ -252,6 +257,7 @@ def recommend_command(
     told = output.Told(quiet, json)
     with output.progress("references", 30, told) as show:
         advice = recommend(replace(study, progress=show), target, neighbours)
+    advice = advice.made_by(output.command_line(context))
     for name, text in files(advice).items():
         write_text(out / name, text)
     data = out / "recommend.json", advice.to_json()
