@@ -44,7 +44,7 @@ class ResultFile(Spec):
         return cls(trebucheck_version=__version__, python_version=python, platform=platform_name, **content)
 
     def made_by(self, command: str | None, jobs: int | None = None) -> Self:
-        """The same with the command line that makes it again, and how many runs were made at once (None: as it says)."""
+        """The same with the command line that makes it again, and, unless None, how many runs were made at once."""
         return self.model_copy(update={"command": command} | ({} if jobs is None else {"jobs": jobs}))
 
 

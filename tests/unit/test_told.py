@@ -136,9 +136,12 @@ def test_several_processes_give_the_same_study(tmp_path: Path) -> None:
     assert found[0] == found[1]
 
 
+_DIFFERING = ("wall_time", "wall_times", "jobs", "command")
+
+
 def _without_times(value: object) -> object:
     if isinstance(value, dict):
-        return {k: _without_times(v) for k, v in value.items() if k not in ("wall_time", "wall_times", "jobs")}
+        return {k: _without_times(v) for k, v in value.items() if k not in _DIFFERING}
     return [_without_times(each) for each in value] if isinstance(value, list) else value
 
 
