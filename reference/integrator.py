@@ -32,11 +32,12 @@ class StepLimit:
     Args:
         states: length of the state vector.
         end: of the motion [s].
+        most: steps, in whole windows of 500, if fewer than are possible.
     """
 
-    def __init__(self, states: int, end: float) -> None:
+    def __init__(self, states: int, end: float, most: int = MOST_STEPS) -> None:
         self.end = end
-        most = min(MOST_STEPS, _MOST_MEMORY // (500 + 64 * states))  # 8 vectors a step, and their objects
+        most = min(most, MOST_STEPS, _MOST_MEMORY // (500 + 64 * states))  # 8 vectors a step, and their objects
         self.most = most // _WINDOW * _WINDOW
         self._taken, self._marked = 0, 0.0
 

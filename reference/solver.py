@@ -27,7 +27,7 @@ from .compiled_integrator import CompiledIntegrator
 from .contact import ActiveSet, EventFunction, PostEventState
 from .damping import longest_step
 from .equations import Equations
-from .integrator import Integrator, StepLimit, numerical, one_thread
+from .integrator import MOST_STEPS, Integrator, StepLimit, numerical, one_thread
 from .singular import Watch, note_singular_start
 from .solution import Segment, Solution
 from .window import Window
@@ -45,13 +45,18 @@ TOLERANCE = 3e-14
 
 
 def solve(
-    problem: Problem, rtol: float = TOLERANCE, atol: float = TOLERANCE, equations: Equations | None = None
+    problem: Problem,
+    rtol: float = TOLERANCE,
+    atol: float = TOLERANCE,
+    equations: Equations | None = None,
+    most_steps: int = MOST_STEPS,
 ) -> Solution:
     """Integrate a problem with SciPy's DOP853.
 
     Args:
         rtol, atol: local error bounds of the integrator, relative and absolute [rad, m, rad/s, m/s].
         equations: with a fault (:mod:`.perturbed`); the mechanism's own if left out.
+        most_steps: after which it gives up.
 
     Returns:
         A continuous solution with every release (and, under the unilateral law, impact) located.
@@ -61,7 +66,7 @@ def solve(
             the finite numbers, or there are more than ten thousand events.
     """
     with numerical("from the start"), one_thread():
-        return _Integration(problem, rtol, atol, equations or Equations(problem.mechanism)).run()
+        return _Integration(problem, rtol, atol, equations or Equations(problem.mechanism), most_steps).run()
 
 
 def characteristic_time(mechanism: Mechanism) -> float:
@@ -115,12 +120,12 @@ def solve_to_launch(mechanism: Mechanism, stop_law: StopLaw = StopLaw.RELEASE_ON
 
 
 class _Integration:
-    def __init__(self, problem: Problem, rtol: float, atol: float, equations: Equations) -> None:
+    def __init__(self, problem: Problem, rtol: float, atol: float, equations: Equations, most_steps: int) -> None:
         self.problem = problem
         self.equations = equations
         self.active_set = ActiveSet(problem, self.equations)
         self.tolerances = {"rtol": rtol, "atol": atol}
-        self.limit = StepLimit(2 * len(problem.mechanism.coordinates), problem.duration)
+        self.limit = StepLimit(2 * len(problem.mechanism.coordinates), problem.duration, most_steps)
         self.evaluations = 0
 
     def run(self) -> Solution:

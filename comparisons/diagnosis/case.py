@@ -20,6 +20,7 @@ from .signatures import Channels, thinned, weights
 _SAMPLES = 300  # of the compared motion: enough to tell suspects apart
 _FEWEST = 3
 _TOLERANCE = 1e-11  # of the suspects' motions
+_STIFF, _FEWEST_STEPS = 20, 5000
 
 
 @dataclass(frozen=True)
@@ -124,9 +125,14 @@ class Case:
         """The motion under other equations; None if it cannot be computed."""
         try:
             with np.errstate(all="ignore"):
-                return solve(self.problem(equations.mechanism), _TOLERANCE, _TOLERANCE, equations)
+                return solve(self.problem(equations.mechanism), _TOLERANCE, _TOLERANCE, equations, self._most_steps)
         except (TrebucheckError, np.linalg.LinAlgError, ValueError):
             return None
+
+    @cached_property
+    def _most_steps(self) -> int:
+        """Of a motion with a fault: a size that makes the equations so stiff is far from any that fits."""
+        return max(_FEWEST_STEPS, _STIFF * sum(len(segment.interpolant.ts) for segment in self.solution.segments))
 
     def under(self, law: StopLaw) -> Solution | None:
         """The motion under the other law of the stops; None if it cannot be computed."""
