@@ -27,7 +27,6 @@ FORMAT = "trebucheck-throw-1"
 _SPANS = (3.0, 6.0, 12.0)  # durations of the motions, in characteristic times; Table I's sweep ends at 2.5
 _THROUGH = -1e-9  # [rad] a gap below this is no rounding
 
-
 Held = Literal["velocity", "sling", "time"]
 """What a release keeps when the machine changes: the angle of its velocity, or of its sling, or its time."""
 
