@@ -14,7 +14,7 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism
 from ...models.mjcf.points import RAIL_SIDES, Points, rail_contact, torque_sensor
-from ...models.mjcf.writer import FAR, MARGIN
+from ...models.mjcf.writer import FAR, MARGIN, mjcf_names
 from ...models.stops import PointStop, Stop
 from .reference_acceleration import ReferenceAccelerationCorrection, mujoco
 
@@ -145,20 +145,27 @@ UnilateralConstraint = Limit | PointContact
 
 def stop_constraints(mechanism: Mechanism, model: Any) -> dict[str, UnilateralConstraint]:
     """Each stop's limit or contact, by the stop's name."""
+    names = mjcf_names(mechanism)
     return {
-        stop.name: _contact(model, stop.name) if isinstance(stop, PointStop) else _limit(model, stop)
+        stop.name: _contact(model, names[stop.name])
+        if isinstance(stop, PointStop)
+        else _limit(model, names[torque_sensor(stop.name)], stop)
         for stop in mechanism.stops
     }
 
 
 def stop_contacts(mechanism: Mechanism, model: Any) -> list[PointContact]:
     """The contacts of the stops on points."""
-    return [_contact(model, stop.name) for stop in mechanism.point_stops]
+    names = mjcf_names(mechanism)
+    return [_contact(model, names[stop.name]) for stop in mechanism.point_stops]
 
 
 def slot_contacts(mechanism: Mechanism, model: Any) -> list[PointContact]:
     """Both contacts of each slot that closes a loop."""
-    return [_contact(model, rail_contact(slot.name, side)) for slot in Points(mechanism).slots for side in RAIL_SIDES]
+    names = mjcf_names(mechanism)
+    return [
+        _contact(model, names[rail_contact(slot.name, side)]) for slot in Points(mechanism).slots for side in RAIL_SIDES
+    ]
 
 
 def _contact(model: Any, name: str) -> PointContact:
@@ -167,8 +174,8 @@ def _contact(model: Any, name: str) -> PointContact:
     return PointContact(int(pair.id), (first, second), float(pair.margin[0]))
 
 
-def _limit(model: Any, stop: Stop) -> Limit:
-    types, sensor = mujoco.mjtConstraint, model.sensor(torque_sensor(stop.name))
+def _limit(model: Any, name: str, stop: Stop) -> Limit:
+    types, sensor = mujoco.mjtConstraint, model.sensor(name)
     on_joint = int(sensor.type[0]) == mujoco.mjtSensor.mjSENS_JOINTLIMITFRC
     element, index = "jnt" if on_joint else "tendon", int(sensor.objid[0])
     low, high = getattr(model, f"{element}_range")[index]

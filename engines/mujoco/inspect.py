@@ -10,6 +10,7 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.joints import GROUND
 from ...models.mechanism import Mechanism
+from ...models.mjcf.writer import mjcf_names
 from ...models.tree import Slide
 from ..inspection import Dynamics, Inspection, State
 from .build import Changes, load, start_data
@@ -67,6 +68,7 @@ class _Built:
     def __init__(self, mechanism: Mechanism, model: Any) -> None:
         self.mechanism, self.model = mechanism, model
         self.data = start_data(model)
+        self.names = mjcf_names(mechanism)
         self.constraints = stop_constraints(mechanism, model)
         self.correction = ReferenceAccelerationCorrection(model, velocity_term=True)
         self.sums = absolute_from_relative(mechanism, model)
@@ -90,14 +92,14 @@ class _Built:
         joint, ground = slide.joint, slide.joint.parent == GROUND
         # MuJoCo's frames have their joint as origin.
         origin = (0.0, 0.0) if ground else self.mechanism.joint_of(joint.parent).child_point
-        parent = data.body("world" if ground else joint.parent)
+        parent = data.body("world" if ground else self.names[joint.parent])
         turned = parent.xmat.reshape(3, 3)[np.ix_(IN_PLANE, IN_PLANE)]
-        place = (data.body(joint.child).xpos - parent.xpos)[IN_PLANE] @ turned + origin
+        place = (data.body(self.names[joint.child]).xpos - parent.xpos)[IN_PLANE] @ turned + origin
         return float((complex(*(place - joint.parent_point)) * slide.direction.conjugate()).real)
 
     def _angle(self, data: Any, body: str) -> float:
         """A body's absolute angle, positive clockwise: its x axis is (cos q, -sin q) in the plane."""
-        x, y = data.body(body).xmat.reshape(3, 3)[IN_PLANE, 0]
+        x, y = data.body(self.names[body]).xmat.reshape(3, 3)[IN_PLANE, 0]
         return float(np.arctan2(-y, x))
 
     def dynamics(self, state: State) -> Dynamics:
@@ -114,7 +116,7 @@ class _Built:
             stop_torques=torques,
             mass_matrix=back.T @ mass @ back,
             forces=back.T @ forces,
-            centres={body.name: data.body(body.name).xipos[IN_PLANE] for body in self.mechanism.bodies},
+            centres={body.name: data.body(self.names[body.name]).xipos[IN_PLANE] for body in self.mechanism.bodies},
             stop_gaps={name: constraint.gap(self.model, data) for name, constraint in self.constraints.items()},
         )
 

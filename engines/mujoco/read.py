@@ -18,6 +18,7 @@ from ...models.mjcf.writer import (
     KINETIC_ENERGY,
     POTENTIAL_ENERGY,
     force_sensor,
+    mjcf_names,
     position_sensor,
     torque_sensor,
     velocity_sensor,
@@ -68,8 +69,8 @@ class _Reader:
     sensors: FloatArray
 
     def sensor(self, name: str) -> FloatArray:
-        """A sensor's values, shape (n, size)."""
-        of = self.model.sensor(name)
+        """A sensor's values, shape (n, size), by the writer's name."""
+        of = self.model.sensor(mjcf_names(self.mechanism)[name])
         start, size = int(of.adr[0]), int(of.dim[0])
         return self.sensors[:, start : start + size]
 
@@ -153,12 +154,13 @@ def recording(
 
 def absolute_from_relative(mechanism: Mechanism, model: Any) -> FloatArray:
     """C with q = start + C qpos and u = C qvel: an absolute angle is a sum of hinges; shape (n_q, n_v)."""
+    names = mjcf_names(mechanism)
     matrix = np.zeros((len(mechanism.coordinates), int(model.nv)))
     turning = [body.name for body in mechanism.bodies if body.angle is not None]
     for i, body in enumerate(turning):
         for joint in hinge_chain(mechanism, body):
-            matrix[i, model.joint(joint).dofadr[0]] = 1.0
+            matrix[i, model.joint(names[joint]).dofadr[0]] = 1.0
     slides = [name for joint in mechanism.tree_joints for name in slide_joints(joint)]
     for i, name in enumerate(slides, start=len(turning)):
-        matrix[i, model.joint(name).dofadr[0]] = 1.0
+        matrix[i, model.joint(names[name]).dofadr[0]] = 1.0
     return matrix

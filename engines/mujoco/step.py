@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.mjcf.writer import torque_sensor
+from ...models.mjcf.writer import mjcf_names, torque_sensor
 from ...models.problem import Problem
 from ..contact_events import ContactEvents
 from ..protocol import Recording
@@ -40,7 +40,8 @@ class Stepper:
         self.data = start_data(self.model)
         self.constraints = stop_constraints(problem.mechanism, self.model)
         self.correction = correction_of(problem.mechanism, self.model, options)
-        self.columns = {name: int(self.model.sensor(torque_sensor(name)).adr[0]) for name in self.constraints}
+        sensors = {name: mjcf_names(problem.mechanism)[torque_sensor(name)] for name in self.constraints}
+        self.columns = {name: int(self.model.sensor(sensor).adr[0]) for name, sensor in sensors.items()}
         self.active = [stop.name for stop in problem.mechanism.stops if stop.closed]
         self.events = ContactEvents(problem.mechanism, "mujoco")
         self.samples = Samples()

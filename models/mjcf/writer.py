@@ -13,8 +13,11 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any, cast
 
 from ..errors import InputError, UnsupportedProblemError
 from ..files import write_text
@@ -25,13 +28,16 @@ from ..spec import Vector
 from ..stops import PointStop, Stop
 from .appearance import MODEL_FILE, add_shapes, add_stand, scene
 from .forces import Forces
+from .names import names_in, rename
 from .points import Points, force_sensor, torque_sensor
 from .text import as_text, from_origin, number, numbers, spatial
 from .tree import add_angle_tendon, hinge_weights, slide_joints, start_angles
 
 SCENE_FILE = "scene.xml"
-START_KEY = "start"
+START_KEY = "home"
 KINETIC_ENERGY, POTENTIAL_ENERGY = "energy/kinetic", "energy/potential"
+
+_HINGE = "0 1 0"
 
 FAR = 1e10
 """Where a limit stands that is none [rad]: MuJoCo's ranges have two ends."""
@@ -69,7 +75,29 @@ def mjcf(mechanism: Mechanism, timestep: float = 1e-3) -> str:
     """
     if not (math.isfinite(timestep) and timestep > 0):
         raise InputError(f"timestep = {timestep!r} s must be positive and finite.")
-    return as_text(_Writer(mechanism, timestep).root())
+    root = _Writer(mechanism, timestep).root()
+    rename(root)
+    return as_text(root)
+
+
+@lru_cache(maxsize=64)
+def _names(mechanism: Mechanism) -> Mapping[str, str]:
+    return MappingProxyType(names_in(_Writer(mechanism, 1e-3).root()))
+
+
+def mjcf_names(mechanism: Mechanism) -> Mapping[str, str]:
+    """Names of bodies, joints, sites, sensors and the like in a mechanism's MJCF, read-only.
+
+    A file has only letters, digits, `_`, `-` and `.` in its names. The keys are names with blanks and slashes, made of
+    the mechanism's own ("sling pin", "sling pin/force"); files written by earlier versions have those.
+
+    Args:
+        mechanism: any.
+
+    Raises:
+        UnsupportedProblemError: as :func:`mjcf`.
+    """
+    return _names(cast("Any", mechanism))  # type checkers do not see that a description has a hash
 
 
 def write_model_folder(mechanism: Mechanism, folder: str | Path, timestep: float = 1e-3) -> tuple[Path, Path]:
@@ -110,7 +138,7 @@ class _Writer:
     def root(self) -> ET.Element:
         """The `mujoco` element."""
         root = ET.Element("mujoco", model=self.mechanism.name)
-        root.append(ET.Comment(" Written by trebucheck.models.mjcf_writer; see README.md for signs and stops. "))
+        root.append(ET.Comment(" Written by trebucheck.models.mjcf.writer; see README.md for signs and stops. "))
         ET.SubElement(root, "compiler", angle="radian", autolimits="false")
         option = ET.SubElement(root, "option", timestep=number(self.timestep), integrator="RK4", tolerance="1e-30")
         option.set("gravity", spatial(self.mechanism.gravity_vector))
@@ -168,7 +196,7 @@ class _Writer:
         # then fall with the square of the step.
         solref, solimp = numbers(2 * self.timestep, 1), "0.9999 0.9999 0.001 0.5 2"
         stiff = {"solreflimit": solref, "solimplimit": solimp}
-        ET.SubElement(default, "joint", stiff, axis="0 1 0", margin=number(MARGIN))
+        ET.SubElement(default, "joint", stiff, margin=number(MARGIN))
         ET.SubElement(default, "tendon", stiff, margin=number(MARGIN))
         ET.SubElement(default, "geom", group="2", contype="0", conaffinity="0", mass="0")
         ET.SubElement(default, "site", group="4", size=number(0.01 * self.points.reach))
@@ -220,7 +248,7 @@ class _Writer:
             ET.SubElement(element, "joint", name=name, type="slide", axis=spatial(axis))
         if joint.holds_angle:
             return
-        hinge = ET.SubElement(element, "joint", name=joint.name, type="hinge")
+        hinge = ET.SubElement(element, "joint", name=joint.name, type="hinge", axis=_HINGE)
         if joint.name in self.ranges:
             hinge.set("limited", "true")
             hinge.set("range", numbers(*self.ranges[joint.name]))

@@ -22,7 +22,7 @@ from trebucheck.engines.exudyn.study import PYTHON as EXUDYN_PYTHON
 from trebucheck.engines.mujoco.study import MJCF
 from trebucheck.engines.mujoco.study import PYTHON as MUJOCO_PYTHON
 from trebucheck.engines.pymunk.study import PYTHON as PYMUNK_PYTHON
-from trebucheck.models.mjcf.writer import mjcf, torque_sensor
+from trebucheck.models.mjcf.writer import mjcf, mjcf_names, torque_sensor
 from trebucheck.models.spec import schema_text
 
 BUILDERS = {"fixed": tb.fixed, "rolling": tb.rolling}
@@ -133,7 +133,8 @@ def test_the_mujoco_lines_move_the_machine_as_the_engine_does(label: str) -> Non
     mujoco.mj_forward(model, data)
     scope: dict[str, Any] = {}
     exec(texts[MUJOCO_PYTHON], scope)
-    held = {torque_sensor("hanger rest"): "hanger pin", torque_sensor("sling rest"): "sling pin"}
+    names = mjcf_names(mechanism)
+    held = {names[torque_sensor(f"{part} rest")]: names[f"{part} pin"] for part in ("hanger", "sling")}
     if "preload" in scope:
         scope["preload"](model, data)
     for _ in range(400):

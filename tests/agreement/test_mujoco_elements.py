@@ -109,12 +109,12 @@ FAULTS = {
     "a rest length": ('springlength="0.3"', 'springlength="0.301"'),
     "a spring's sense": ('<joint joint="pin" coef="-1" />', '<joint joint="pin" coef="1" />'),
     "a slide's axis": (
-        r'name="slot/slide" type="slide" axis="\S+ 0 \S+"',
-        'name="slot/slide" type="slide" axis="0.6 0 0.8"',
+        r'name="slot_slide" type="slide" axis="\S+ 0 \S+"',
+        'name="slot_slide" type="slide" axis="0.6 0 0.8"',
     ),
     "a welded angle": (r'euler="0 -0.7 0">(?=\s+<inertial pos="0.2)', 'euler="0 -0.701 0">'),
     "a force's direction": ('gear="2 0 -1 0 0 0"', 'gear="2 0 1 0 0 0"'),
-    "a force that turns with its body": (' refsite="ground/directions"', ""),
+    "a force that turns with its body": (' refsite="ground_directions"', ""),
     "a motor's sense": ('biasprm="0.9"', 'biasprm="-0.9"'),
     "gravity": (r'gravity="\S+ 0 \S+"', 'gravity="0 0 -9.81"'),
 }

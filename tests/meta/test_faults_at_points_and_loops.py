@@ -16,18 +16,18 @@ MILLIMETRE = MILLIRADIAN = 1e-3
 
 def _lower_trough(text: str) -> str:
     """MuJoCo's model with the trough's wall a millimetre lower."""
-    wall = re.compile(r'(name="trough/wall"[^>]* pos="0 0 )(\S+?)(")')
+    wall = re.compile(r'(name="trough_wall"[^>]* pos="0 0 )(\S+?)(")')
     return wall.sub(lambda found: f"{found[1]}{float(found[2]) - MILLIMETRE!r}{found[3]}", text)
 
 
 def _wheel_aside(text: str) -> str:
     """MuJoCo's model with the wheel a millimetre further along the arm."""
-    return text.replace('name="track/point" pos="4 0 0"', 'name="track/point" pos="4.001 0 0"')
+    return text.replace('name="track_point" pos="4 0 0"', 'name="track_point" pos="4.001 0 0"')
 
 
 def _ball_aside(text: str) -> str:
     """MuJoCo's model with the point in the trough a millimetre off the sling's line."""
-    return text.replace('name="trough/point" pos="6 0 0"', 'name="trough/point" pos="6 0 0.001"')
+    return text.replace('name="trough_point" pos="6 0 0"', 'name="trough_point" pos="6 0 0.001"')
 
 
 def _still_foot(monkeypatch: pytest.MonkeyPatch) -> None:

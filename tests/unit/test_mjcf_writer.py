@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import math
+import re
 import xml.etree.ElementTree as ET
 from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import pytest
-from mechanisms import chain
+from mechanisms import chain, everything
 from trebucheck.models.errors import InputError, UnsupportedProblemError
 from trebucheck.models.joints import GROUND, PinJoint, SlotJoint
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.machines.parameters import TrebuchetParameters
 from trebucheck.models.machines.registry import model, models
 from trebucheck.models.machines.trebuchet import fixed, rolling
-from trebucheck.models.mechanism import Body, Mechanism
+from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.mjcf import writer as mjcf_writer
-from trebucheck.models.mjcf.writer import FAR, MODEL_FILE, SCENE_FILE, mjcf, scene, write_model_folder
+from trebucheck.models.mjcf.writer import FAR, MODEL_FILE, SCENE_FILE, mjcf, mjcf_names, scene, write_model_folder
 from trebucheck.models.stops import PointStop, Stop
 
 MACHINES = {"fixed": fixed, "rolling": rolling}
@@ -79,8 +80,8 @@ def _real(word: str) -> bool:
 def test_a_closed_stop_starts_exactly_at_its_limit(name: str) -> None:
     # 0.1 + 0.2 style angles: the differences of the angles are rounded, the limits must not be.
     root = parsed(MACHINES[name](TrebuchetParameters(theta0=0.1, phi0=math.pi + 0.3, alpha0=-0.7)))
-    assert limit_of(root, "joint", "hanger pin") == (-FAR, 0.0)
-    assert limit_of(root, "joint", "sling pin") == (0.0, FAR)
+    assert limit_of(root, "joint", "hanger_pin") == (-FAR, 0.0)
+    assert limit_of(root, "joint", "sling_pin") == (0.0, FAR)
     assert limit_of(root, "joint", "fulcrum") == (-FAR, 3 * math.pi / 2 - 0.1)
 
 
@@ -114,7 +115,7 @@ def test_a_stop_between_branches_counts_both_ways() -> None:
     root = parsed(chain_of((stop,), bodies=(*base.bodies, twin), joints=(*base.joints, joint), start=(0.3, 0.5, 0.4)))
     assert {(e.get("joint"), e.get("coef")) for e in root.iter("fixed").__next__()} == {
         ("pin", "1"),
-        ("twin pin", "-1"),
+        ("twin_pin", "-1"),
     }
 
 
@@ -127,11 +128,43 @@ def test_start_speeds_are_relative_and_slides_come_first() -> None:
     )
     key = next(root.iter("key"))
     assert key.get("qvel") == "0.25 1 2"
-    axis = next(e for e in root.iter("joint") if e.get("name") == "hook/slide").attrib["axis"]
+    axis = next(e for e in root.iter("joint") if e.get("name") == "hook_slide").attrib["axis"]
     # The axis in the frame of a body turned clockwise by 0.3 rad, where MuJoCo wants it.
     assert [float(x) for x in axis.split()] == pytest.approx(
         [0.8 * math.cos(0.3) - 0.6 * math.sin(0.3), 0.0, 0.8 * math.sin(0.3) + 0.6 * math.cos(0.3)], abs=1e-15
     )
+
+
+@pytest.mark.parametrize("mechanism", [*(model(name) for name in models()), everything()], ids=lambda m: m.name)
+def test_names_have_no_character_that_an_importer_refuses(mechanism: Mechanism) -> None:
+    root, names = parsed(mechanism), mjcf_names(mechanism)
+    present = {name for element in root.iter() if (name := element.get("name")) is not None}
+    assert all(re.fullmatch(r"[\w.-]+", name) for name in present)
+    assert present == set(names.values()) and len(set(names.values())) == len(names)
+    # Every reference is to one of them, of the kind that its attribute names.
+    for element in root.iter():
+        for attribute, name in element.attrib.items():
+            if attribute.rstrip("12") in ("joint", "site", "geom", "tendon", "refsite", "objname", "body"):
+                assert name in present, (element.tag, attribute, name)
+
+
+def test_names_that_differ_stay_different() -> None:
+    base = chain_of(())
+    markers = [Marker(name=name, body="upper", point=(0, 0)) for name in ("a b", "a_b", "a_b_2", "hook_force")]
+    mechanism = base.model_copy(update={"markers": tuple(markers)})
+    names = mjcf_names(mechanism)
+    assert [names[marker.name] for marker in markers] == ["a_b_3", "a_b", "a_b_2", "hook_force"]
+    assert names["hook/force"] == "hook_force_2"
+    sites = [element.get("name") for element in parsed(mechanism).iter("site")]
+    assert {"a_b", "a_b_2", "a_b_3"} <= set(sites)
+
+
+@every_model
+def test_every_joint_has_an_axis_of_its_own(name: str) -> None:
+    root = parsed(model(name))
+    assert all("axis" in joint.attrib for joint in root.find("worldbody").iter("joint"))  # type: ignore[union-attr]
+    assert all("axis" not in joint.attrib for joint in root.find("default").iter("joint"))  # type: ignore[union-attr]
+    assert root.find(".//frame") is None and root.get("model") == name
 
 
 @every_model
@@ -163,16 +196,16 @@ def test_a_stop_on_a_point_is_a_ball_that_rests_on_a_plane() -> None:
     offset = normal[0] * tip[0] + normal[1] * tip[1]
     stop = PointStop(name="wall", body="lower", point=(0.1, -1.5), normal=normal, offset=offset, closed=True)
     root = parsed(chain_of((stop,)))
-    radius = floats(by_name(root, "geom", "wall/ball").get("size"))[0]
-    plane = by_name(root, "geom", "wall/wall")
+    radius = floats(by_name(root, "geom", "wall_ball").get("size"))[0]
+    plane = by_name(root, "geom", "wall_wall")
     assert floats(plane.get("zaxis")) == [0.6, 0.0, 0.8]
     behind = floats(plane.get("pos"))
     assert behind[0] * 0.6 + behind[2] * 0.8 == pytest.approx(offset - radius, abs=1e-15)
     # In the frame of its body, whose origin is the joint at (0, 0.1).
-    assert floats(by_name(root, "body", "wall/point").get("pos")) == pytest.approx([0.1, 0.0, -1.6], abs=1e-15)
+    assert floats(by_name(root, "body", "wall_point").get("pos")) == pytest.approx([0.1, 0.0, -1.6], abs=1e-15)
     default = root.find("default/pair")
     assert default is not None and default.get("condim") == "1"
-    assert {sensor.get("name") for sensor in root.iter("contact")} >= {"wall/torque"}
+    assert {sensor.get("name") for sensor in root.iter("contact")} >= {"wall_torque"}
     assert root.find("option/flag") is None and root.find("equality") is None
 
 
@@ -186,26 +219,26 @@ def test_a_slot_that_closes_a_loop_is_a_ball_between_two_planes() -> None:
     at = _place(chain_of(()), "lower", (0.5, 0.2))
     slot = SlotJoint(name="rail", child="lower", parent_point=at, child_point=(0.5, 0.2), axis=(0.8, -0.6))
     root = ET.fromstring(mjcf(chain_of((), joints=(*chain_of(()).joints, slot)), 1e-3))
-    left, right = (by_name(root, "geom", f"rail/{side}/wall") for side in ("left", "right"))
+    left, right = (by_name(root, "geom", f"rail_{side}_wall") for side in ("left", "right"))
     assert floats(left.get("zaxis")) == [-0.6, 0.0, -0.8] and floats(right.get("zaxis")) == [0.6, 0.0, 0.8]
     # The ball fills the room between them.
     apart = np.subtract(floats(left.get("pos")), floats(right.get("pos"))) @ [0.6, 0.0, 0.8]
-    assert apart == pytest.approx(2 * floats(by_name(root, "geom", "rail/ball").get("size"))[0], abs=1e-15)
+    assert apart == pytest.approx(2 * floats(by_name(root, "geom", "rail_ball").get("size"))[0], abs=1e-15)
     margins = {float(pair.attrib["margin"]) for pair in root.iter("pair") if pair.get("name")}
     # Both are pressed in by the same, and by a hundredth of it at a tenth of the step.
     finer = ET.fromstring(mjcf(chain_of((), joints=(*chain_of(()).joints, slot)), 1e-4))
     assert len(margins) == 1
-    assert float(by_name(finer, "pair", "rail/left").attrib["margin"]) == pytest.approx(0.01 * margins.pop())
-    assert by_name(root, "force", "rail/force").get("site") == "rail/joint"
+    assert float(by_name(finer, "pair", "rail_left").attrib["margin"]) == pytest.approx(0.01 * margins.pop())
+    assert by_name(root, "force", "rail_force").get("site") == "rail_joint"
 
 
 def test_a_pin_that_closes_a_loop_ties_two_sites() -> None:
     closing = PinJoint(name="loop pin", parent=GROUND, child="lower", parent_point=(1, 1), child_point=(0.2, 0.3))
     root = parsed(chain_of((), joints=(*chain_of(()).joints, closing)))
-    tie = by_name(root, "connect", "loop pin")
-    assert (tie.get("site1"), tie.get("site2")) == ("loop pin/joint", "loop pin/anchor")
-    assert floats(by_name(root, "site", "loop pin/anchor").get("pos")) == [1.0, 0.0, 1.0]
-    assert floats(by_name(root, "body", "loop pin/point").get("pos")) == pytest.approx([0.2, 0.0, 0.2], abs=1e-15)
+    tie = by_name(root, "connect", "loop_pin")
+    assert (tie.get("site1"), tie.get("site2")) == ("loop_pin_joint", "loop_pin_anchor")
+    assert floats(by_name(root, "site", "loop_pin_anchor").get("pos")) == [1.0, 0.0, 1.0]
+    assert floats(by_name(root, "body", "loop_pin_point").get("pos")) == pytest.approx([0.2, 0.0, 0.2], abs=1e-15)
     assert root.find("option/flag").get("contact") == "disable"  # type: ignore[union-attr]
 
 
