@@ -140,12 +140,6 @@ Engines, tuned, at a thousandth of the problem's characteristic time (Exudyn at 
 a marker's coordinate up to the problem's end, or its predictability horizon if that is earlier, in parts of the
 mechanism's size; or why there is none. `trebucheck compare` judges them, names the quantities that are off, and looks
 for causes.
-
-MuJoCo on A02 (2.1e-06) is beyond the 1e-6 that all others keep. The cause is the softness of its equality constraints.
-With the largest impedance that it allows, 0.9999, a loop that carries a force f gives way by the acceleration R f. Near
-a singular position that is not small beside the inverse inertia along the direction that is lost, and each passage
-changes the energy. Over the first three passages the error is 1.4e-9 rad before the first, then 8.6e-9, 3.4e-7 and
-6.4e-7 rad; with an impedance of 0.99 it is 83 times as large, with twice the substeps or without the preload the same.
 """
 
 

@@ -46,7 +46,9 @@ class MujocoOptions(EngineOptions):
     )
     locate_releases: bool = Field(default=True, description="find a release inside its step, not at the step's end")
     preload: bool = Field(
-        default=True, description="press the closed limits in at the start, so that their torques are right from t = 0"
+        default=True,
+        description="press the closed limits in at the start, so that their torques are right from t = 0; with "
+        "`moving_points`, make up for the softness of loops at every forward pass",
     )
     moving_points: bool = Field(
         default=True,

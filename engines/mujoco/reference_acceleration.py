@@ -10,6 +10,11 @@ The term alone is not enough with k scaled to the step. RK4's inner stages viola
 of order timestep^2, which k turns into accelerations that do not decrease with the step. So -b v - k r is kept
 constant through all stages of a step: each step then integrates a smooth problem without stiffness, and the feedback
 acts from step to step.
+
+An equality that carries a force f gives way by the acceleration R f, with R = (1 - d) / d of the constraint's inverse
+inertia and the impedance d <= 0.9999. Where a loop is nearly singular that is not small beside the inverse inertia
+along the direction that is lost, and changes the energy at every passage. So R f of the forward pass before is added;
+what is left is R times the change of f from one pass to the next.
 """
 
 from __future__ import annotations
@@ -20,6 +25,7 @@ from collections.abc import Generator, Hashable
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
@@ -30,6 +36,49 @@ from ...models.arrays import FloatArray
 mujoco: Any = importlib.import_module("mujoco")  # it carries no types
 
 CALLBACK = threading.RLock()  # MuJoCo has one callback for all models and threads of a process
+_SETTLING = 2  # forward passes after which R f is that of another state; each gains some four digits
+_REDUNDANT = 1e-12  # of the largest squared singular value: forces along directions with smaller ones do not count
+
+
+@dataclass(frozen=True)
+class _Pass:
+    """What a forward pass leaves behind of the equality constraints; its forces are found in the next one."""
+
+    rows: dict[int, slice]
+    """Of each equality constraint among those below."""
+    reference: FloatArray
+    """aref, shape (n,)."""
+    jacobian: FloatArray
+    """Shape (n, nv)."""
+    softness: FloatArray
+    """R, shape (n,)."""
+    ends_a_step: bool
+    """Whether it is the last stage of RK4's; `qacc` is the mean of all stages then."""
+
+    @classmethod
+    def of(cls, model: Any, data: Any, present: dict[int, NDArray[np.intp]], *, ends_a_step: bool) -> _Pass:
+        """The pass in which these equality constraints are present, before its accelerations are computed."""
+        rows = np.concatenate(list(present.values()))
+        ends = [0, *accumulate(map(len, present.values()))]
+        own = {index: slice(a, b) for index, (a, b) in zip(present, pairwise(ends), strict=True)}
+        return cls(own, data.efc_aref[rows], _jacobian(model, data)[rows], data.efc_R[rows], ends_a_step)
+
+    def softness_of_equalities(self, data: Any) -> dict[int, FloatArray]:
+        """R f by equality constraint, without what redundant constraints do to each other.
+
+        R f is aref - J qacc. Of forces along directions in which nothing can move every pass would add as much as the
+        constraints contradict each other by rounding, over R; with S = R^(-1/2) J the projection on the range of S
+        removes them.
+        """
+        acceleration = data.qacc_warmstart if self.ends_a_step else data.qacc
+        root = np.sqrt(self.softness)
+        scaled = self.jacobian / root[:, None]
+        gram = scaled.T @ scaled
+        diagonal = gram.reshape(-1)[:: len(gram) + 1]
+        diagonal += _REDUNDANT * diagonal.sum()
+        forces = scaled.T @ ((self.reference - self.jacobian @ acceleration) / root)
+        found = root * (scaled @ np.linalg.solve(gram, forces))
+        return {index: found[rows] for index, rows in self.rows.items()}
 
 
 @dataclass
@@ -45,7 +94,12 @@ class ReferenceAccelerationCorrection:
     contacts: dict[tuple[int, int], float] = field(default_factory=dict[tuple[int, int], float])
     """By plane and sphere, the acceleration that replaces the one due to a contact's margin [m/s^2]."""
     equalities: dict[int, FloatArray] = field(default_factory=dict[int, FloatArray])
-    """Accelerations added to the rows of an equality constraint, by its index, each of shape (3,) [m/s^2]."""
+    """Accelerations added to the rows of an equality constraint, by its index, each of shape (3,) [m/s^2].
+
+    Once they are preloaded they follow the forces, where the feedback is kept through a step.
+    """
+    _last: _Pass | None = None
+    """The forward pass before, None if the equality constraints have just been preloaded."""
     _feedback: dict[Hashable, Any] = field(default_factory=dict[Hashable, Any])
     """-b v - k r at the start of the step, by contact or equality constraint."""
     _stage: int = 0
@@ -79,8 +133,14 @@ class ReferenceAccelerationCorrection:
         self.begin_step()
         mujoco.mj_forward(self.model, data)
 
+    def settle(self, data: Any) -> None:
+        """Let the forces that the equality constraints follow be those of the current state."""
+        for _ in range(_SETTLING if self._last is not None else 0):
+            self.forward(data)
+
     def preload_equalities(self, data: Any) -> None:
         """Add R f to the equality constraints, the acceleration by which their softness would let their points part."""
+        self._last = None
         for index in range(self.model.neq):
             rows = equality_rows(data, index)
             self.equalities[index] = data.efc_R[rows] * data.efc_force[rows]
@@ -88,17 +148,27 @@ class ReferenceAccelerationCorrection:
     def _correct(self, model: Any, data: Any) -> None:
         if self._stage % self._stages == 0:
             self._feedback.clear()
-        self._stage += 1
         self._correct_contacts(model, data)
+        self._follow_forces(data)
+        present: dict[int, NDArray[np.intp]] = {}
         for index in range(model.neq):
             rows = equality_rows(data, index)
             if not len(rows):  # a pin where there is one already: MuJoCo leaves out rows that are zero
                 continue
+            present[index] = rows
             reference = data.efc_aref[rows]
             if self.velocity_term:
                 feedback = self._feedback.setdefault(index, _feedback(data, rows))
                 reference = feedback - _equality_velocity_term(model, data, index)
             data.efc_aref[rows] = reference + self.equalities.get(index, 0.0)
+        self._stage += 1
+        if self.velocity_term and self.equalities and present:
+            self._last = _Pass.of(model, data, present, ends_a_step=self._stage % self._stages == 0)
+
+    def _follow_forces(self, data: Any) -> None:
+        """R f of the last forward pass to the equality constraints."""
+        if self._last is not None:
+            self.equalities |= self._last.softness_of_equalities(data)
 
     @cached_property
     def _stages(self) -> int:
@@ -130,6 +200,15 @@ def equality_rows(data: Any, index: int) -> NDArray[np.intp]:
     """The rows of an equality constraint, three of a `connect`; none where they are zero."""
     kind = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
     return np.flatnonzero((data.efc_type == kind) & (data.efc_id == index))
+
+
+def _jacobian(model: Any, data: Any) -> FloatArray:
+    """Of all constraint rows, shape (nefc, nv)."""
+    if not mujoco.mj_isSparse(model):
+        return data.efc_J.reshape(data.nefc, model.nv)
+    dense = np.zeros((data.nefc, model.nv))
+    mujoco.mju_sparse2dense(dense, data.efc_J.ravel(), data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
+    return dense
 
 
 def _feedback(data: Any, rows: Any) -> Any:

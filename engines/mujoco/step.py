@@ -166,6 +166,7 @@ class Stepper:
         """Take one time step [s] from a state, and find the forces at its end."""
         substeps = self._substeps()
         self._restore(before)
+        self.correction.settle(self.data)
         self.model.opt.timestep = step / substeps
         self.correction.begin_step()
         mujoco.mj_step(self.model, self.data, substeps)
