@@ -8,6 +8,7 @@ from base64 import b64encode
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
+from itertools import chain, count
 from typing import Any
 
 import numpy as np
@@ -93,7 +94,8 @@ class _Page:
     def anchor(self, heading: Heading) -> str:
         """The heading's anchor, on this page once; chapters and sections come into the contents."""
         stem = heading.anchor or re.sub(r"[^a-z0-9]+", "-", heading.text.lower()).strip("-") or "part"
-        anchor = next(name for name in (stem, *(f"{stem}-{n}" for n in range(2, 10**6))) if name not in self.taken)
+        names = chain([stem], (f"{stem}-{n}" for n in count(2)))
+        anchor = next(name for name in names if name not in self.taken)
         self.taken.add(anchor)
         self.level = heading.level
         if heading.level == 2:
