@@ -84,7 +84,7 @@ def engines_command(name: _EngineName = None) -> None:
 
     trebucheck engines mujoco
     """
-    output.show(_list() if name is None else _options(name))
+    output.show(_list() if name is None else engine_document(name))
 
 
 def _list() -> Document:
@@ -108,7 +108,12 @@ def _list() -> Document:
     return Document("engines", blocks)
 
 
-def _options(name: str) -> Document:
+def engine_document(name: str) -> Document:
+    """The options of an engine.
+
+    Raises:
+        InputError: there is no such engine.
+    """
     from ..comparisons.report.document import Column, Document, Text, ranked, table, words
     from ..engines.option_table import option_table
     from ..engines.registry import engine_class

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ..models.machines.parameters import TrebuchetParameters
     from ..models.mechanism import Mechanism
     from ..models.problem import Problem, StopLaw
+    from ..reference.certification.certificate import Certificate
 
 
 def certify_command(
@@ -25,6 +26,10 @@ def certify_command(
     beam: options.Beam = None,
     duration: options.Duration = None,
     timeout: options.Timeout = 600.0,
+    quiet: options.Quiet = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print the certificates as a JSON array, and nothing else.")
+    ] = False,
     out: Annotated[Path, options.out("Folder for one JSON file and one page a machine.")] = Path("certificates"),
 ) -> None:
     """Compute each machine's figures in every independent way there is; write values and uncertainties.
@@ -50,15 +55,21 @@ def certify_command(
         options.positive(duration, "--duration")
     refuse_unwritable(out)
     failed = False
+    told = output.Told(quiet, json)
+    certificates: list[str] = []
     with Worker(options.positive(timeout, "--timeout")) as worker:
         for name, machine in zip(options.names(models, "--models"), machines, strict=True):
             command = _command(name, assignments, beam, duration)
             mechanism, asked = _asked(machine, duration)
             try:
-                _certify(mechanism, chosen.whipper(name), asked, command, worker, out / f"{mechanism.name}.json")
+                made = _certified(mechanism, chosen.whipper(name), asked, command, worker, told)
+                certificates.append(made.to_json())
+                _publish(made, out / f"{mechanism.name}.json", told)
             except SimulationError as error:  # the others must not be lost with it
                 failed = True
                 print(f"error: {mechanism.name}: {error}", file=sys.stderr)
+    if json:
+        typer.echo(f"[{','.join(certificates)}]")
     if failed:
         raise typer.Exit(1)
 
@@ -77,29 +88,32 @@ def _asked(machine: Mechanism | Problem, duration: float | None) -> tuple[Mechan
     return machine, {"duration": duration}
 
 
-def _certify(
+def _certified(
     mechanism: Mechanism,
     parameters: TrebuchetParameters | None,
     asked: _Asked,
     command: str,
     worker: Worker,
-    path: Path,
-) -> None:
-    """One machine's certificate, written and shown."""
-    from ..comparisons.report import html, terminal
-    from ..comparisons.report.sections import certificate_report
-    from ..models.files import write_text
+    told: output.Told,
+) -> Certificate:
     from ..reference.certification.certify import certify
 
-    with output.progress(width=28) as show:
+    with output.progress(width=28, told=told) as show:
         named = _named(mechanism, show)
-        certificate = certify(mechanism, parameters, command=command, progress=named, call=worker.compute, **asked)
+        return certify(mechanism, parameters, command=command, progress=named, call=worker.compute, **asked)
+
+
+def _publish(certificate: Certificate, path: Path, told: output.Told) -> None:
+    """One machine's certificate, written and, unless all are printed as data at the end, shown."""
+    from ..comparisons.report import html
+    from ..comparisons.report.sections import certificate_report
+    from ..models.files import write_text
+
     write_text(path, certificate.to_json() + "\n")
     report, page = certificate_report(certificate), path.with_suffix(".html")
     write_text(page, html.page(report))
-    terminal.show(report, terminal.console())
-    line = f"Certificate: {output.printable(str(path))}   Page: {output.printable(str(page))}\n"
-    terminal.console().print(line, soft_wrap=True, markup=False)
+    if not told.json:
+        output.show(report, told, Certificate=path, Page=page)
 
 
 def _command(name: str, assignments: list[str] | None, beam: float | None, duration: float | None) -> str:

@@ -12,6 +12,7 @@ import typer
 from . import options, output
 
 if TYPE_CHECKING:
+    from ..comparisons.diff.changes import Difference
     from ..comparisons.report.document import Document
 
 FACTOR = 1.1
@@ -26,9 +27,10 @@ class Format(StrEnum):
     TEXT = "text"
     MARKDOWN = "markdown"
     HTML = "html"
+    JSON = "json"
 
 
-_SUFFIXES = {".html": Format.HTML, ".htm": Format.HTML, ".md": Format.MARKDOWN}
+_SUFFIXES = {".html": Format.HTML, ".htm": Format.HTML, ".md": Format.MARKDOWN, ".json": Format.JSON}
 _File = Annotated[Path, typer.Argument(help="results.json of compare, or the folder that holds it.")]
 
 
@@ -41,6 +43,7 @@ def diff_command(
     format: Annotated[
         Format | None, typer.Option("--format", help="Else by the name of --out; text by default.")
     ] = None,
+    json: options.Json = False,
     out: Annotated[Path | None, options.out("File to write; standard output by default.")] = None,
 ) -> None:
     """Compare two results of compare: which verdicts broke, what moved, which runs have come or gone.
@@ -53,6 +56,8 @@ def diff_command(
     trebucheck diff before/results.json after/results.json
 
     trebucheck diff before after --format html --out diff.html
+
+    trebucheck diff before after --json
     """
     from ..comparisons.diff.report import document
     from ..comparisons.diff.study import diff
@@ -61,17 +66,28 @@ def diff_command(
     difference = diff(old, new, factor)
     chosen = format or (_SUFFIXES.get(out.suffix.lower()) if out else None) or Format.TEXT
     if out is not None:
-        write_text(out, _text(document(difference), chosen))
+        write_text(out, _text(difference, chosen))
+    if json:
+        print(_text(difference, Format.JSON), end="")
+    elif out is not None:
         print(f"{difference.summary}\n\nDifference: {output.printable(str(out))}")
     elif chosen is Format.TEXT:
         output.show(document(difference))
     else:
-        print(_text(document(difference), chosen), end="")
+        print(_text(difference, chosen), end="")
     if not difference.passed:
         raise typer.Exit(1)
 
 
-def _text(document: Document, format: Format) -> str:
+def _text(difference: Difference, format: Format) -> str:
+    """The difference in a format, whole."""
+    from ..comparisons.diff.data import data
+    from ..comparisons.diff.report import document
+
+    return data(difference).to_json() + "\n" if format is Format.JSON else _rendered(document(difference), format)
+
+
+def _rendered(document: Document, format: Format) -> str:
     """The document in a format, whole."""
     if format is Format.HTML:
         from ..comparisons.report import html

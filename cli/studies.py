@@ -121,6 +121,7 @@ def converge_command(
     until: options.Until = None,
     assignments: options.Set = None,
     beam: options.Beam = None,
+    option: options.EngineOption = None,
     resume: options.Resume = False,
     jobs: options.Jobs = 1,
     timeout: options.Timeout = 600.0,
@@ -138,6 +139,8 @@ def converge_command(
 
     trebucheck converge --models rolling --engines mujoco --knobs timestep,solref --set l1=9.5
 
+    trebucheck converge --engines mujoco --knobs timestep --option mujoco.integrator=implicit
+
     trebucheck converge --models pendulum.json --until 5
     """
     from ..comparisons.converge.report import document
@@ -145,7 +148,8 @@ def converge_command(
 
     machines = options.given(models, assignments, beam)
     chosen = options.chosen_names(knobs, "--knobs")
-    study = options.study(machines, engines, out, resume, timeout, jobs, until=until)
+    own = options.engine_options(option, None, options.chosen_names(engines, "--engines"))
+    study = options.study(machines, engines, out, resume, timeout, jobs, options=own, until=until)
     told = output.Told(quiet, json)
     with output.progress(told=told) as show:
         studies = converge(replace(study, progress=show), chosen)

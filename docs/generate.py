@@ -25,12 +25,13 @@ from trebucheck.comparisons.compare.agreement import differences
 from trebucheck.comparisons.compare.study import Comparison
 from trebucheck.comparisons.converge.results import Studies
 from trebucheck.comparisons.data.files import names, publish
+from trebucheck.comparisons.diff.data import DifferenceData
 from trebucheck.comparisons.explain.results import Explanation
 from trebucheck.comparisons.problems.check import check
 from trebucheck.comparisons.problems.report import library
 from trebucheck.comparisons.recommend import Advice
 from trebucheck.comparisons.report import markdown
-from trebucheck.comparisons.report.document import Document, table
+from trebucheck.comparisons.report.document import Document, table, without_empty_columns
 from trebucheck.comparisons.report.figures import picture, write_picture
 from trebucheck.comparisons.report.plots import Axis, Panels, Plot
 from trebucheck.comparisons.runs.results import Results
@@ -57,7 +58,8 @@ def agreement_table(comparison: Comparison) -> str:
     tables = []
     for machine in comparison.results.machines:
         runs = (run for run in comparison.results.runs if run.model == machine.model and run.engine != "reference")
-        tables.append(table(differences(machine), runs, f"{machine.model.capitalize()} machine"))
+        shown = table(differences(machine), runs, f"{machine.model.capitalize()} machine")
+        tables.append(without_empty_columns(shown))
     return markdown.text(Document("", tuple(tables)))
 
 
@@ -78,6 +80,7 @@ def write_schemas() -> None:
     """The published JSON schemas."""
     (ROOT / "models" / "schemas" / "mechanism.schema.json").write_text(mechanism_schema())
     (ROOT / "comparisons" / "schemas" / "results.schema.json").write_text(schema_text(Results))
+    (ROOT / "comparisons" / "schemas" / "diff.schema.json").write_text(schema_text(DifferenceData))
     (ROOT / "comparisons" / "schemas" / "converge.schema.json").write_text(schema_text(Studies))
     (ROOT / "comparisons" / "schemas" / "explain.schema.json").write_text(schema_text(Explanation))
     (ROOT / "paper" / "schemas" / "paper.schema.json").write_text(schema_text(Study))

@@ -6,7 +6,18 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from ..report.document import Cell, Column, Row, Table, mark_of, page_only, row, table, terminal_only
+from ..report.document import (
+    Cell,
+    Column,
+    Row,
+    Table,
+    mark_of,
+    page_only,
+    row,
+    table,
+    terminal_only,
+    without_empty_columns,
+)
 from ..report.numbers import format_number, format_step
 from ..runs.results import COMPARED, Machine, Metric, Outcome, Results, Run
 from . import plots
@@ -140,7 +151,8 @@ def agreement(machine: Machine, runs: Iterable[Run]) -> Table:
     launch = "no launch"
     if machine.launch_time is not None and machine.launch_speed is not None:
         launch = f"launch {machine.launch_time:.4f} s, {machine.launch_speed:.3f} m/s"
-    return terminal_only(table(heads, runs, f"{machine.model}: largest differences to the reference ({launch})"))
+    caption = f"{machine.model}: largest differences to the reference ({launch})"
+    return terminal_only(without_empty_columns(table(heads, runs, caption)))
 
 
 _WALL = Column("wall", "s", of=lambda run: "–" if run.wall_time is None else f"{run.wall_time:.2f}", rank=6)
@@ -162,7 +174,7 @@ def overview(results: Results) -> Table:
     for machine in results.machines:
         rows += [row(f"{machine.model} machine")] if several else []
         rows += [_overview_row(machine, run, quantities) for run in results.runs if run.model == machine.model]
-    return page_only(table(heads, rows, _CAPTION))
+    return page_only(without_empty_columns(table(heads, rows, _CAPTION)))
 
 
 _CAPTION = (

@@ -23,6 +23,7 @@ from ..report.document import (
     mark_of,
     page_only,
     table,
+    without_empty_columns,
 )
 from ..report.numbers import format_number
 from ..report.sections import certified_figures, partings, predictable, provenance
@@ -86,7 +87,7 @@ def document(comparison: Comparison) -> Document:
     blocks += provenance(results, runs, [(machine.model, machine.mechanism) for machine in results.machines])
     blocks += [doc.terminal_only(listed), Text(verdict(results), medium="terminal")]
     return Document(
-        "How far can you trust a multibody engine, and why does it differ?",
+        _QUESTION,
         tuple(blocks),
         _window(results),
         verdict=verdict(results),
@@ -214,10 +215,12 @@ _EQUIVALENCE_COLUMNS = (
 
 def _pairs(pairs: Sequence[Pair]) -> tuple[Block, ...]:
     tuned = [pair for pair in pairs if pair.first.endswith("tuned") and pair.second.endswith("tuned")]
-    every = table(_PAIR_COLUMNS, pairs, "Engine against engine, all pairs")
+    every = without_empty_columns(table(_PAIR_COLUMNS, pairs, "Engine against engine, all pairs"))
     return (
         doc.Fold("Engine against engine", (_matrix(pairs), every)),
-        table(_PAIR_COLUMNS, tuned, "engine against engine (tuned; the report has all)", "terminal"),
+        without_empty_columns(
+            table(_PAIR_COLUMNS, tuned, "engine against engine (tuned; the report has all)", "terminal")
+        ),
     )
 
 

@@ -4,7 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from ..report.document import Block, Code, Column, Document, Fold, Listing, Note, Table, Text, mark_of, table, words
+from ..report.document import (
+    Block,
+    Code,
+    Column,
+    Document,
+    Fold,
+    Listing,
+    Note,
+    Table,
+    Text,
+    mark_of,
+    table,
+    without_empty_columns,
+    words,
+)
 from ..report.numbers import format_settings, sentence
 from ..runs.results import Diagnosis, Outcome, Results, Run
 from ..runs.study import REFERENCE
@@ -50,7 +64,7 @@ def _errors(runs: Sequence[Run]) -> Table:
         *(quantity.column for quantity in OVERVIEW if any(map(quantity.metrics, runs))),
         Column("verdict", of=verdict_cell),
     )
-    return table(heads, runs)
+    return without_empty_columns(table(heads, runs))
 
 
 def _broken(runs: Iterable[Run]) -> Iterator[Text]:

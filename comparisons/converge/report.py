@@ -186,13 +186,18 @@ def _laws(machine: MachineStudies, studies: Sequence[Study]) -> Table:
     parameter = Column("parameter", medium="terminal", wrap=False, rank=0)
     laws = doc.columns("(quantity) | expected | exponent | range | what is left | set by")
     rows = (
-        _curve_row(study, curve, [study.label, study.title, str(study.base.get("integrator", study.knob))])
+        _curve_row(study, curve, [study.label, study.title, _swept(study)])
         for study in studies
         for curve in study.curves
     )
     caption = f"{machine.model}: other swept parameters, exponent of the position's error"
     heads = (*doc.columns("engine | (swept parameter)"), parameter, *laws)
     return table(doc.ranked(heads, range=2, expected=2, exponent=0), rows, caption)
+
+
+def _swept(study: Study) -> str:
+    """Name of the swept parameter; the sweeps of integrators go by theirs."""
+    return str(study.base[study.knob]) if study.knob in study.base else study.knob
 
 
 def _about(study: Study) -> str:

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import closing
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from ...engines.protocol import Engine
-from ...engines.registry import engine, engine_class, engine_names, engine_study
+from ...engines.registry import engine, engine_class, engine_names, engine_study, options_for
 from ...engines.study import ConstraintKinds, StepOrder, SweptParameter
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
-from ..runs.study import Counter, Study, in_order
+from ..runs.study import Counter, Study, all_in_order
 from ..runs.trials import Deviation, Trial, Trials, trials_of
 from .floor import Site, floor
 from .orders import Extrapolated, Level, fitting, largest, limit, power_law
@@ -34,15 +33,15 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
 
     Args:
         study: mechanisms, engines (all known ones but the reference if None; those not installed are listed as
-            absent), how they are run, and the end of the compared motion. Its presets and options are not used: each
-            swept parameter has its own.
+            absent), how they are run, and the end of the compared motion. Its options are set in every sweep of an
+            engine that has them, over those of the sweep. Its presets are not used: each swept parameter has its own.
         chosen: names of swept parameters (:func:`parameter_names`); all if left out.
 
     Raises:
         InputError: a name or value is not valid, or there is nothing to do. A failed run is a failed point, a
             machine whose reference fails is left out, with its reason.
     """
-    absent, plan = _plan(study.measured_engines, chosen)
+    absent, plan = _plan(study, chosen)
     count = Counter(len(study.mechanisms) * sum(len(parameter.values) for _, parameter in plan), study.progress)
     with study.worker() as worker:
         moved, failures = trials_of(study, worker)
@@ -52,11 +51,11 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
         def sweep(
             trials: Trials, name: str, parameter: SweptParameter
         ) -> tuple[str, ParameterStudy, Extrapolated | None]:
-            found = _Sweep(trials, known[trials.mechanism.name], name, parameter, count)
+            own = options_for(name, study.options)
+            found = _Sweep(trials, known[trials.mechanism.name], name, parameter, count, own)
             return trials.mechanism.name, found.study(), found.limit()
 
-        with closing(in_order(lambda each: sweep(*each), swept, study.jobs)) as results:
-            found = list(results)
+        found = all_in_order(lambda each: sweep(*each), swept, study.jobs)
         machines = [
             _machine(each, known[model], [(study, limit) for of, study, limit in found if of == model], absent)
             for each in moved
@@ -116,14 +115,34 @@ def swept_parameters(name: str, names: list[str] | None = None) -> list[SweptPar
 _Plan = list[tuple[str, SweptParameter]]
 
 
-def _plan(names: Sequence[str], chosen: Sequence[str] | None) -> tuple[list[str], _Plan]:
-    """Engines that are not installed, and every parameter to be swept of those that are."""
-    parameters = list(chosen) if chosen else None
+def _plan(study: Study, chosen: Sequence[str] | None) -> tuple[list[str], _Plan]:
+    """Engines that are not installed, and every parameter to be swept of those that are.
+
+    Raises:
+        InputError: there is nothing to do, or an option is not valid or is what is swept.
+    """
+    names, parameters = study.measured_engines, list(chosen) if chosen else None
     every = [(name, parameter) for name in names for parameter in swept_parameters(name, parameters)]
     if not every:
         raise InputError(f"none of the engines {', '.join(names)} has any of the knobs {', '.join(chosen or ())}.")
     absent = [name for name in names if not engine_class(name).is_installed()]
-    return absent, [(name, parameter) for name, parameter in every if name not in absent]
+    plan = [(name, parameter) for name, parameter in every if name not in absent]
+    for name, parameter in plan:
+        _refuse_options(name, parameter, options_for(name, study.options))
+    return absent, plan
+
+
+def _refuse_options(name: str, parameter: SweptParameter, own: Mapping[str, Any]) -> None:
+    """Refuse the user's options that the sweep sets itself, or that the engine does not take."""
+    swept = {parameter.name, *parameter.options(parameter.values[0]), *(parameter.without or {})}
+    for option in own:
+        if option in swept:
+            raise InputError(
+                f"option {option} of {name} is what its knob {parameter.name!r} turns; leave the option out, or choose "
+                "other knobs."
+            )
+    if own:
+        engine(name, parameter.preset, **{**parameter.base, **own})
 
 
 def _machine(
@@ -161,8 +180,11 @@ class _Sweep:
         name: str,
         parameter: SweptParameter,
         count: Counter,
+        own: Mapping[str, Any],
     ) -> None:
         self.machine, self.uncertainty, self.name, self.parameter = trials, uncertainty, name, parameter
+        self.fixed = {**parameter.base, **own}
+        """Options that stay as they are, the user's own among them."""
         self.of_step = "timestep" in parameter.options(parameter.values[0])
         self.without = None if parameter.without is None else self.trial(parameter.without, 1)
         self.trials: list[Trial | None] = []
@@ -189,8 +211,8 @@ class _Sweep:
         self.points.append(_point(value, self.parameter, trial, message, self.without))
 
     def engine(self, options: Mapping[str, Any]) -> Engine:
-        """With the sweep's fixed options and these over them."""
-        return engine(self.name, self.parameter.preset, **{**self.parameter.base, **options})
+        """With the options that stay, and these over them."""
+        return engine(self.name, self.parameter.preset, **{**self.fixed, **options})
 
     def trial(self, options: Mapping[str, Any], repeats: int) -> Trial:
         """Of the engine with these options."""
@@ -205,7 +227,7 @@ class _Sweep:
             knob=self.parameter.name,
             title=self.parameter.title,
             unit=self.parameter.unit,
-            base=dict(self.parameter.base),
+            base=self.fixed,
             settings=next((trial.settings for trial in self.trials if trial is not None), {}),
             expected=self.parameter.expected,
             why=self.parameter.why,

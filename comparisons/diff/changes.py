@@ -10,6 +10,8 @@ from enum import StrEnum
 from functools import cached_property
 from typing import ClassVar
 
+from pydantic import JsonValue
+
 from ...models.shown import Reported
 from ..runs.results import Diagnosis, Metric, Outcome, Run
 
@@ -156,7 +158,7 @@ class RunChange:
         return (old, new) if old and new and _named(old) != _named(new) else None
 
     @property
-    def settings(self) -> dict[str, tuple[object, object]]:
+    def settings(self) -> dict[str, tuple[JsonValue, JsonValue]]:
         """Options of the engine whose values differ, old and new."""
         if self.old is None or self.new is None:
             return {}

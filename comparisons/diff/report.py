@@ -21,6 +21,8 @@ from ..report.document import (
     Row,
     Table,
     Text,
+    Tile,
+    Tiles,
     page_only,
     row,
     table,
@@ -31,6 +33,7 @@ from ..report.numbers import format_number, format_step
 from ..runs.results import Metric, Run
 from .changes import Difference, Fate, QuantityChange, RunChange
 
+_QUESTION = "What moved from one comparison to the other, and what broke?"
 _SHOWN = 20
 """Rows of a table that are shown at once."""
 _NAMED = 4
@@ -61,6 +64,7 @@ def document(difference: Difference) -> Document:
     found = difference
     blocks: tuple[Block, ...] = (
         Text(found.summary, "bad" if not found.passed else "good", medium="page"),
+        _tiles(found),
         _versions(found),
         *_reference(found),
         *_runs(found),
@@ -74,7 +78,21 @@ def document(difference: Difference) -> Document:
         Note(_HOW.format(factor=found.factor)),
         Text(found.summary, "bad" if not found.passed else "good", medium="terminal"),
     )
-    return Document("trebucheck diff", blocks, "trebucheck diff")
+    return Document(_QUESTION, blocks, "trebucheck diff", verdict=found.summary)
+
+
+def _tiles(found: Difference) -> Tiles:
+    """What changed, counted."""
+    lost = len(found.of_fate(Fate.WORSE, Fate.FAILS, Fate.VANISHED))
+    return Tiles(
+        (
+            Tile(str(len(found.broken)), "verdicts broke", "bad" if found.broken else "plain"),
+            Tile(str(lost), "runs worse, failing or gone", "bad" if lost else "plain"),
+            Tile(str(len(found.mended)), "verdicts mended", "good" if found.mended else "plain"),
+            Tile(str(len(found.moved)), "further errors moved", detail=f"of {len(found.quantities)}"),
+            Tile(str(found.compared), "runs compared", detail=f"of {len(found.runs)}"),
+        )
+    )
 
 
 def _versions(found: Difference) -> Block:

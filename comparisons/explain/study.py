@@ -6,7 +6,6 @@ Stock against tuned shows what each single option buys, from either end.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import closing
 from itertools import product
 
 import numpy as np
@@ -15,7 +14,7 @@ from pydantic import JsonValue
 from ...engines.protocol import Engine
 from ...engines.registry import with_options
 from ...models.errors import InputError
-from ..runs.study import PRESETS, Counter, Study, in_order
+from ..runs.study import PRESETS, Counter, Study, all_in_order
 from ..runs.trials import Trial, Trials, trials_of
 from .budget import budget
 from .results import Budget, Change, Explanation, Figures, Machine, StockAgainstTuned
@@ -49,8 +48,7 @@ def explain(study: Study) -> Explanation:
             return budget(trials, made[preset]) if preset else stock_against_tuned(trials, made["stock"], made["tuned"])
 
         wanted = list(product(moved, engines, (*study.presets, None)))
-        with closing(in_order(lambda each: part(*each), wanted, study.jobs)) as results:
-            parts = list(results)
+        parts = all_in_order(lambda each: part(*each), wanted, study.jobs)
     return Explanation.made_here(
         machines=tuple(map(_machine, moved)),
         budgets=tuple(each for each in parts if isinstance(each, Budget)),

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import partial
-from typing import TypedDict, Unpack
+from typing import Any, TypedDict, Unpack
 
 from ...models.errors import InputError
 from ...models.machines.parameters import TrebuchetParameters
@@ -55,6 +55,7 @@ def converge(
     engines: Iterable[str] | None = None,
     *,
     knobs: Iterable[str] | None = None,
+    options: Mapping[str, Any] | None = None,
     **how: Unpack[How],
 ) -> Studies:
     """Turn each engine's knobs and see how its error falls: orders, floors and their causes, Richardson limits.
@@ -67,13 +68,14 @@ def converge(
         models: names of machines or of the library's problems, mechanisms of your own, or problems; one or several.
         engines: names; all known ones if left out.
         knobs: names of the parameters to be swept, such as 'timestep'; all if left out.
+        options: over each preset's, of every engine that has them, or of one, as 'mujoco.solref'.
         how: runs are made; see :class:`How`.
 
     Raises:
         InputError: a name or value is not valid, or there is nothing to do. A failed run is a failed point.
     """
     chosen = None if knobs is None else tuple(knobs)
-    return convergence.converge(Study(_several(models), engines, **how), chosen)
+    return convergence.converge(Study(_several(models), engines, options=options or {}, **how), chosen)
 
 
 def explain(

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 Mark = Literal["plain", "good", "bad", "warning", "unjudged", "muted", "strong"]
 Medium = Literal["any", "page", "terminal"]
 
+SIGNS: dict[Mark, str] = {"good": "✓", "bad": "✗", "warning": "!", "unjudged": "○"}
+"""Before what is marked so, for those who do not see the colour."""
+
 
 def mark_of(holds: bool | None) -> Mark:
     """Of a value by its tolerance; plain where it has none."""
@@ -230,6 +233,25 @@ def table(
     body = tuple(_row(each, parsed) for each in rows)
     cells = [[r.cells[i].text for r in body if len(r.cells) == len(parsed)] for i in range(len(parsed))]
     return Table(tuple(column.laid_out(i, cells[i]) for i, column in enumerate(parsed)), body, caption, medium=medium)
+
+
+def without_empty_columns(shown: Table) -> Table:
+    """The table without the columns, but for the first, in which no row has a value or a verdict."""
+    count = len(shown.columns)
+    whole = [each.cells for each in shown.rows if len(each.cells) == count]
+    kept = {0, *(i for i in range(count) if any(_says_something(cells[i]) for cells in whole))}
+
+    def without(row: Row) -> Row:
+        last = len(row.cells) - 1  # spans the rest, where the row has fewer cells
+        spans = last < count - 1
+        return replace(row, cells=tuple(c for i, c in enumerate(row.cells) if i in kept or (spans and i == last)))
+
+    columns = tuple(column for i, column in enumerate(shown.columns) if i in kept)
+    return replace(shown, columns=columns, rows=tuple(map(without, shown.rows)))
+
+
+def _says_something(cell: Cell) -> bool:
+    return cell.text not in ("", "–") or cell.mark in ("good", "bad", "warning")
 
 
 def _row(each: object, heads: Iterable[Column]) -> Row:

@@ -17,11 +17,8 @@ from markupsafe import Markup
 
 from ...models.arrays import FloatArray
 from ...models.drawing import animation
-from .document import Animation, Document, Figure, Heading, in_medium
+from .document import SIGNS, Animation, Document, Figure, Heading, in_medium
 from .plots import Axis, Plot, Series
-
-SIGNS = {"good": "✓", "bad": "✗", "warning": "!", "unjudged": "○"}
-"""Before what is marked so, for those who do not see the colour."""
 
 
 def page(document: Document) -> str:

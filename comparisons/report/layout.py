@@ -2,7 +2,8 @@
 
 Tried in this order, until the table fits: two spaces between columns, or one; texts on several lines, broken at
 spaces; fewer columns, those of the highest `Column.rank` first, and of one rank the rightmost. Columns of rank 0 stay.
-Where even these do not fit, all texts are broken at spaces, and below 40 characters each row becomes a list.
+Where even these do not fit, all texts are broken at spaces; where that would still cut a word, and below 40
+characters, each row becomes a list.
 """
 
 from __future__ import annotations
@@ -79,7 +80,8 @@ def fitted(table: Table, width: int) -> Layout:
             return found
         fewer = layout.without_last()
         if fewer is None:
-            return _broken(layout, width)
+            whole = _with_whole_words(layout, width)
+            return whole or (_as_lists(table, width) if table.has_head else _broken(layout, width))
         layout = fewer
 
 
@@ -90,12 +92,16 @@ def _as_it_is(layout: Layout, width: int) -> Layout | None:
     return next((way for way in ways if way is not None), None)
 
 
+def _with_whole_words(layout: Layout, width: int) -> Layout | None:
+    """All texts broken at spaces; None where that is not enough."""
+    columns = tuple(replace(each, least=_longest_word(_texts(each.column, each.cells))) for each in layout.columns)
+    return replace(layout, columns=columns, gap=1).within(width)
+
+
 def _broken(layout: Layout, width: int) -> Layout:
     """All texts broken at spaces; words only where there is no other way."""
-    columns = tuple(replace(each, least=_longest_word(_texts(each.column, each.cells))) for each in layout.columns)
-    torn = tuple(replace(each, least=1) for each in columns)
-    ways = (replace(layout, columns=each, gap=1).within(width) for each in (columns, torn))
-    return next((way for way in ways if way is not None), layout)
+    torn = tuple(replace(each, least=1) for each in layout.columns)
+    return _with_whole_words(layout, width) or replace(layout, columns=torn, gap=1).within(width) or layout
 
 
 def _columns(table: Table) -> Iterable[Fitted]:
@@ -124,11 +130,13 @@ def _longest_word(texts: Iterable[str]) -> int:
 
 
 def _as_lists(table: Table, width: int) -> Layout:
-    """Each row as lines of title and value."""
+    """Each row as lines of title and value, an empty line between rows."""
     columns = [*_columns(table)]
-    names = tuple(Cell(each.column.heading_words) for _ in columns[0].cells for each in columns)
-    values = tuple(each.cells[row] for row in range(len(columns[0].cells)) for each in columns)
+    lines: list[tuple[Cell, Cell]] = []
+    for row in range(len(columns[0].cells)):
+        lines += [(Cell(""), Cell(""))] if row else []
+        lines += [(Cell(each.column.heading_words), each.cells[row]) for each in columns if each.cells[row].text]
     pair = Column("", align="left"), Column("", align="left")
-    found = (Fitted(head, cells, 0, 0) for head, cells in zip(pair, (names, values), strict=True))
-    whole = tuple(replace(f, width=max(cell_len(cell.text) for cell in f.cells)) for f in found)
+    found = (Fitted(head, cells, 0, 0) for head, cells in zip(pair, zip(*lines, strict=True), strict=True))
+    whole = tuple(replace(f, width=max(map(cell_len, _texts(f.column, f.cells)))) for f in found)
     return _broken(Layout(whole, _GAP), width)

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable
 
 from .document import (
+    SIGNS,
     Animation,
     Block,
     Cell,
@@ -21,7 +22,6 @@ from .document import (
     Tiles,
     in_medium,
 )
-from .html import SIGNS
 
 
 def text(document: Document, *, signs: bool = False) -> str:

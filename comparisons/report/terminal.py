@@ -77,8 +77,9 @@ def _show_table(block: Table, to: Console) -> None:
     layout = fitted(block, to.width)
     if block.caption:
         to.print(Styled(block.caption, style="bold"))
+    titled = any(column.column.heading for column in layout.columns)
     drawn = rich_table.Table(
-        box=SIMPLE_HEAD, show_edge=False, padding=(0, layout.gap - 1, 0, 0), pad_edge=False, show_header=block.has_head
+        box=SIMPLE_HEAD, show_edge=False, padding=(0, layout.gap - 1, 0, 0), pad_edge=False, show_header=titled
     )
     for column in layout.columns:
         heading = _heading(column.column)

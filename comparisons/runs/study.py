@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cached_property
 from threading import Lock
@@ -267,3 +268,9 @@ def in_order(function: Callable[[_K], _V], items: Iterable[_K], jobs: int, ahead
             yield waiting.popleft().result()
     finally:  # no further run is started when this is left early
         threads.shutdown(wait=False, cancel_futures=True)
+
+
+def all_in_order(function: Callable[[_K], _V], items: Iterable[_K], jobs: int) -> list[_V]:
+    """All of :func:`in_order`; where one raises an error, no further ones are started."""
+    with closing(in_order(function, items, jobs)) as results:
+        return list(results)

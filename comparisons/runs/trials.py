@@ -12,7 +12,7 @@ interpolated by cubic splines; torques, which have kinks in their slope, linearl
 
 from __future__ import annotations
 
-from contextlib import closing, suppress
+from contextlib import suppress
 from threading import Lock
 from typing import Annotated
 
@@ -37,7 +37,7 @@ from .metrics import measure
 from .runner import Runner, Worker, failure
 from .scales import Scales, scales_until
 from .store import Store, conditions
-from .study import Study, in_order
+from .study import Study, all_in_order
 from .until import Until
 
 GRID = 1000
@@ -323,6 +323,5 @@ def trials_of(study: Study, worker: Worker) -> tuple[list[Trials], dict[str, str
         except SimulationError as error:
             return mechanism.name, str(error)
 
-    with closing(in_order(solved, study.mechanisms, study.jobs)) as results:
-        found = list(results)
+    found = all_in_order(solved, study.mechanisms, study.jobs)
     return [each for each in found if isinstance(each, Trials)], dict(each for each in found if isinstance(each, tuple))

@@ -24,6 +24,7 @@ from ..report.document import (
     Text,
     Tile,
     Tiles,
+    page_only,
     row,
     table,
 )
@@ -55,9 +56,8 @@ def document(performance: Performance, throw: Throw) -> Document:
         mechanism_as_data(throw.mechanism.name, throw.mechanism),
         *(Text(f"{warning}.", "warning", lead="warning:", medium="terminal") for warning in throw.warnings),
     )
-    return Document(
-        title[:1].upper() + title[1:], blocks, f"trebucheck throw: {throw.mechanism.name}", verdict=_verdict(throw)
-    )
+    question = f"How far does {throw.mechanism.name} throw, and what must its members bear?"
+    return Document(question, blocks, f"trebucheck throw: {throw.mechanism.name}", verdict=_verdict(throw))
 
 
 def _verdict(throw: Throw) -> str:
@@ -75,6 +75,7 @@ def _first_screen(performance: Performance, throw: Throw) -> tuple[Block, ...]:
         *([Tile(f"{longest.range:.2f} m", "longest range")] if longest and longest.range > flight.range else []),
     )
     return (
+        page_only(Text(f"{_verdict(throw)}; {_conditions(throw)}.", "strong")),
         Tiles(figures),
         Animation(lambda: (plots.motion(performance),)),
         Figure(plots.flight(performance), "The flight", anchor="flight"),
@@ -82,8 +83,12 @@ def _first_screen(performance: Performance, throw: Throw) -> tuple[Block, ...]:
 
 
 def _title(throw: Throw) -> str:
+    return f"{throw.mechanism.name}: one throw, {_conditions(throw)}"
+
+
+def _conditions(throw: Throw) -> str:
     landing = "" if throw.height == 0 else f", landing {throw.height:g} m above the {origin_name(throw.mechanism)}"
-    return f"{throw.mechanism.name}: one throw, g = {throw.gravity:g} m/s²{landing}"
+    return f"g = {throw.gravity:g} m/s²{landing}"
 
 
 def origin_name(mechanism: Mechanism) -> str:

@@ -324,6 +324,20 @@ def test_plugins_are_studied_and_failures_are_points(studies: Studies) -> None:
     assert not re.search(r"<(script|link|img)[^>]+(src|href)=.(https?:)?//", text), "the page must need nothing else"
 
 
+def test_options_hold_in_every_point_of_a_sweep() -> None:
+    if not tb.engines()["pymunk"].installed:
+        pytest.skip("pymunk is not installed here")
+    own = {"pymunk.leapfrog": False, "timestep": 2e-3}
+    study = Study(["pendulum"], ["pymunk"], options=own, until=0.1, isolate=False)
+    (swept,) = converge(study, ["iterations"]).machines[0].studies
+    assert swept.base == {"timestep": 2e-3, "leapfrog": False}
+    assert swept.settings["leapfrog"] is False and swept.settings["timestep"] == 2e-3
+    (plain,) = converge(replace(study, options={}), ["iterations"]).machines[0].studies
+    assert plain.settings["leapfrog"] is True
+    assert plain.points[-1].steps > 1.5 * swept.points[-1].steps
+    assert plain.points[-1].position != swept.points[-1].position
+
+
 @pytest.mark.slow
 def test_what_sets_a_floor_is_looked_for_by_the_engine_itself() -> None:
     """pymunk's iterations converge soon: what is left is set by the time step."""
@@ -353,6 +367,10 @@ def test_the_data_keep_to_the_published_schema(studies: Studies) -> None:
         (["--engines", "pymunk", "--knobs", "solref"], "none of the engines pymunk has any of the knobs solref"),
         (["--models", "floating"], "no model 'floating'"),
         (["--set", "l9=3"], "there is no such parameter"),
+        (["--option", "mujoco.solref=-40000,-400"], "option solref of mujoco is what its knob 'solref' turns"),
+        (["--engines", "mujoco", "--option", "timestep=1e-3"], "is what its knob 'timestep' turns; leave the option"),
+        (["--engines", "pymunk", "--knobs", "timestep", "--option", "iterations=0"], "iterations"),
+        (["--engines", "pymunk", "--option", "mujoco.solref=1,1"], "'mujoco' is not among the engines asked for"),
         (["--timeout", "0"], "timeout = 0.0 s must be positive"),
         (["--timeout", "nan"], "timeout = nan s must be positive"),
     ],

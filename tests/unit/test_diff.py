@@ -5,20 +5,25 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
 from trebucheck.cli import diff as command
 from trebucheck.comparisons.diff.changes import Difference, Fate, QuantityChange
+from trebucheck.comparisons.diff.data import DifferenceData, data
 from trebucheck.comparisons.diff.report import document
 from trebucheck.comparisons.diff.study import FACTOR, diff
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.runs.results import Cause, Diagnosis, Metric, Outcome, Results, Run
+from trebucheck.models.spec import schema_text
 
 Change = Callable[[Run], Run]
+_QUESTION = "What moved from one comparison to the other, and what broke?"
 
 
 @pytest.fixture(scope="module")
@@ -306,8 +311,10 @@ def test_the_command_shows_writes_and_ends_with_a_code(
     assert "Verdicts that broke" in capsys.readouterr().out
     assert main(["diff", old, new, "--format", "markdown"]) == 1
     shown = capsys.readouterr().out
-    assert shown.startswith("# trebucheck diff\n\n✗ Something broke: 1 verdict broke")
-    starts = {"d.html": "<!doctype html>", "d.md": "# trebucheck diff", "d.txt": "The versions of engines"}
+    assert shown.startswith(
+        "# What moved from one comparison to the other, and what broke?\n\n✗ Something broke: 1 verdict broke"
+    )
+    starts = {"d.html": "<!doctype html>", "d.md": "# What moved from one", "d.txt": "The versions of engines"}
     for name, start in starts.items():
         assert main(["diff", old, new, "--out", str(tmp_path / name)]) == 1
         said = capsys.readouterr().out
@@ -316,6 +323,38 @@ def test_the_command_shows_writes_and_ends_with_a_code(
     assert main(["diff", old, new, "--format", "html", "--out", str(tmp_path / "d.page")]) == 1
     assert (tmp_path / "d.page").read_text().startswith("<!doctype html>")
     assert command.FACTOR == FACTOR
+
+
+def test_json_is_the_difference_and_nothing_else(
+    files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    old, new = map(str, files)
+    assert main(["diff", old, new, "--json"]) == 1
+    said = capsys.readouterr().out
+    found = json.loads(said)
+    published = resources.files("trebucheck.comparisons").joinpath("schemas/diff.schema.json").read_text()
+    assert published == schema_text(DifferenceData), "`make generated` writes the schemas anew"
+    jsonschema.validate(found, json.loads(published))
+    known = diff(old, new)
+    assert found["summary"] == known.summary and not found["passed"]
+    (broken,) = (each for each in found["quantities"] if each["broke"])
+    (change,) = known.broken
+    assert (broken["run"], broken["quantity"], broken["factor"]) == (change.run, change.either.label, change.factor)
+    assert broken["old"]["holds"] and broken["new"] == {**broken["old"], "value": 1e3, "holds": False}
+    assert [each["fate"] for each in found["runs"]] == [each.fate.value for each in known.runs]
+    assert main(["diff", old, new, "--out", str(tmp_path / "d.json")]) == 1
+    assert (tmp_path / "d.json").read_text() == said
+    capsys.readouterr()
+    assert main(["diff", old, new, "--json", "--out", str(tmp_path / "d2.md")]) == 1
+    assert capsys.readouterr().out == said
+    assert (tmp_path / "d2.md").read_text().startswith("# ")
+
+
+def test_an_error_from_nothing_has_no_factor_in_json(results: Results) -> None:
+    none = _changed(results, _with("position_max", value=0.0, sampling_error=None))
+    for pair in ((none, results), (results, none)):
+        found = json.loads(data(diff(*pair)).to_json(), parse_constant=pytest.fail)
+        assert found["format"] == "trebucheck-diff-1"
 
 
 def _other_format(data: dict[str, Any]) -> Any:

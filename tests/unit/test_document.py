@@ -27,6 +27,7 @@ from trebucheck.comparisons.report.document import (
     row,
     table,
     terminal_only,
+    without_empty_columns,
 )  # fmt: skip
 from trebucheck.comparisons.report.numbers import format_number, format_percent, format_step, format_value, sentence
 from trebucheck.comparisons.report.plots import Axis, Panels, Plot, Series
@@ -49,6 +50,22 @@ ERRORS = table(
     [("mujoco tuned", Cell("1.3e-8", "good"), 1000, "as ever"), ("pymunk tuned", Cell("2.5e-4", "bad"), 1000, "")],
     "Errors",
 )
+
+
+def test_columns_without_any_value_are_left_out() -> None:
+    rows = [
+        row("first"),
+        ("mujoco", "–", "", Cell("–", "bad"), 3),
+        ("pymunk", "", "–", "", ""),
+        row("exudyn", "", "failed"),
+    ]
+    shown = without_empty_columns(table("engine | none | nothing | missed | some", rows))
+    assert [column.title for column in shown.columns] == ["engine", "missed", "some"]
+    assert [[cell.text for cell in each.cells] for each in shown.rows] == [
+        ["first"], ["mujoco", "–", "3"], ["pymunk", "", ""], ["exudyn", "failed"],
+    ]  # fmt: skip
+    assert [span for _, cells in shown.rows_in("page") for _, span in cells] == [3, 1, 1, 1, 1, 1, 1, 1, 2]
+    assert without_empty_columns(ERRORS) == ERRORS
 
 
 def test_marks_are_signs_on_a_page_and_not_only_colours() -> None:

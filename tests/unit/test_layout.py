@@ -11,6 +11,7 @@ from itertools import pairwise
 import pytest
 import trebucheck as tb
 from rich.console import Console
+from trebucheck.cli.catalogue import engine_document
 from trebucheck.comparisons.compare import report
 from trebucheck.comparisons.compare.agreement import verdict_cell
 from trebucheck.comparisons.compare.study import Comparison
@@ -20,6 +21,7 @@ from trebucheck.comparisons.report.document import Column, Document, table
 from trebucheck.comparisons.report.layout import fitted
 from trebucheck.comparisons.report.sections import certificate_report
 from trebucheck.comparisons.runs.results import Outcome
+from trebucheck.engines.option_table import default_text, option_table
 from trebucheck.models.problems.registry import benchmarks
 from trebucheck.reference.certification.certificate import load_certificate
 
@@ -115,6 +117,25 @@ def test_random_tables_lose_no_word_of_what_they_show() -> None:
             kept = {column.column.rank for column in layout.columns[1:]}
             out = {column.rank for column in layout.left_out}
             assert not out or (min(out) >= max(kept, default=0) and 0 not in out)
+
+
+@pytest.mark.parametrize("width", [44, 60, 72])
+def test_options_of_engines_keep_every_word(width: int) -> None:
+    for name in tb.engines():
+        rows = option_table(name)
+        shown = " ".join(" ".join(_lines(engine_document(name), width)).split())
+        words = {word for row in rows for value in row.defaults.values() for word in default_text(value).split()}
+        assert words <= set(shown.split()), (name, words - set(shown.split()))
+
+
+def test_a_row_that_cannot_keep_its_words_becomes_a_list() -> None:
+    heads = [Column("first"), Column("second", rank=0), Column("third", rank=0)]
+    texts = [tuple(letter * 25 for letter in letters) for letters in ("abc", "def")]
+    lines = [line.split() for line in _lines(Document("", (table(heads, texts),)), 60)]
+    names = [head.title for head in heads]
+    assert lines == [*map(list, zip(names, texts[0], strict=True)), [], *map(list, zip(names, texts[1], strict=True))]
+    untitled = table("|", [("a" * 40, "b" * 40)])
+    assert max(map(len, _lines(Document("", (untitled,)), 60))) <= 60
 
 
 def _text(rng: random.Random) -> str:

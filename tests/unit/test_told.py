@@ -19,6 +19,8 @@ from trebucheck.comparisons.report import terminal
 from trebucheck.comparisons.runs.distance import farthest
 from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.study import in_order
+from trebucheck.reference.certification import certify as certification
+from trebucheck.reference.certification.certificate import load_certificate
 
 pytestmark = pytest.mark.usefixtures("kept_processes")
 
@@ -45,6 +47,19 @@ def test_quiet_and_json_of_a_throw(tmp_path: Path, capsys: pytest.CaptureFixture
     assert json.loads(_said(["throw", "--json", "--out", str(tmp_path)], capsys))["mechanism"]["name"] == "fixed"
     first, second = _said(["throw", "-q", "--out", str(tmp_path)], capsys).splitlines()
     assert first.startswith("fixed: 1007.7 m, released at 2.74282 s") and "throw.json" in second
+
+
+def test_quiet_and_json_of_certificates(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)
+    monkeypatch.setattr(certification, "certify", lambda mechanism, *_, **__: load_certificate(mechanism))
+    asked = ["certify", "--out", str(tmp_path)]
+    found = json.loads(_said([*asked, "--json"], capsys))
+    assert found == [json.loads((tmp_path / f"{name}.json").read_text()) for name in ("fixed", "rolling")]
+    assert all((tmp_path / f"{each['model']}.html").is_file() for each in found)
+    lines = _said([*asked, "--quiet"], capsys).splitlines()
+    assert len(lines) == 4 and lines[0].startswith("fixed: ") and "fixed.json" in lines[1]
 
 
 def test_progress_has_the_time_left_on_standard_error(monkeypatch: pytest.MonkeyPatch) -> None:
