@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .comparisons.compare.study import compare
     from .comparisons.diff.study import diff
     from .comparisons.front.studies import certify, converge, explain, recommend
+    from .comparisons.mjcf.model import mjcf
     from .engines.protocol import Capabilities, Engine
     from .engines.registry import engine, engines
     from .models.errors import (
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
     from .models.machines.registry import model
     from .models.machines.trebuchet import HingedParameters, fixed, hinged, rolling
     from .models.mechanism import Body, Marker, Mechanism
+    from .models.mjcf.paths import mjcf_path
+    from .models.mjcf.writer import mjcf_names
     from .models.problem import Problem, StopLaw
     from .models.stops import PointStop, Stop
     from .models.trajectory import Trajectory
@@ -87,6 +90,9 @@ __all__ = [
     "fixed",
     "floating_arm",
     "hinged",
+    "mjcf",
+    "mjcf_names",
+    "mjcf_path",
     "model",
     "paper",
     "recommend",
@@ -102,6 +108,9 @@ _HOMES = {
     "compare": "comparisons.compare.study",
     "diff": "comparisons.diff.study",
     **dict.fromkeys(("certify", "converge", "explain", "recommend"), "comparisons.front.studies"),
+    "mjcf": "comparisons.mjcf.model",
+    "mjcf_names": "models.mjcf.writer",
+    "mjcf_path": "models.mjcf.paths",
     "Capabilities": "engines.protocol",
     "Engine": "engines.protocol",
     "engine": "engines.registry",

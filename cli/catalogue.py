@@ -52,18 +52,36 @@ def export_command(
     assignments: options.Set = None,
     beam: options.Beam = None,
     timestep: Annotated[float, typer.Option("--timestep", help="Step written into the MJCF (s).")] = 1e-3,
+    keyframes: Annotated[
+        bool, typer.Option(help="A keyframe at each release, impact and rest and at the launch, from the reference.")
+    ] = True,
     out: Annotated[Path | None, options.out("Folder to write; the machine's name by default.")] = None,
 ) -> None:
-    """Write a machine's MJCF: trebuchet.xml, and scene.xml with light, floor and camera to open it in the viewer.
+    """Write a machine's MJCF: NAME.xml, and scene.xml with ground, light and camera to open it in the viewer.
 
     Example: trebucheck models export rolling --set r=7 --out my-rolling
     """
+    from ..comparisons.mjcf.model import motion_of
     from ..models.mjcf.writer import write_model_folder
 
     for mechanism in options.machines(name, assignments, beam):
         folder = out or Path(mechanism.name)
-        write_model_folder(mechanism, folder, timestep=timestep)
+        write_model_folder(mechanism, folder, timestep, motion_of(mechanism) if keyframes else None)
         typer.echo(f"Wrote {output.printable(str(folder))}")
+
+
+@models_app.command("path")
+def path_command(
+    name: Annotated[str, typer.Argument(autocompletion=completion.machines, help="Name of a machine.")],
+    scene: Annotated[bool, typer.Option("--scene", help="The file with ground, frame, light and camera.")] = False,
+) -> None:
+    """Print the path of a machine's MJCF file, with its default parameters.
+
+    Example: trebucheck models path rolling
+    """
+    from ..models.mjcf.paths import mjcf_path
+
+    typer.echo(mjcf_path(name, scene=scene))
 
 
 _EngineName = Annotated[

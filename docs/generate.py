@@ -27,6 +27,7 @@ from trebucheck.comparisons.converge.results import Studies
 from trebucheck.comparisons.data.files import names, publish
 from trebucheck.comparisons.diff.data import DifferenceData
 from trebucheck.comparisons.explain.results import Explanation
+from trebucheck.comparisons.mjcf.events import record_motion
 from trebucheck.comparisons.problems.check import check
 from trebucheck.comparisons.problems.report import library
 from trebucheck.comparisons.recommend import Advice
@@ -40,6 +41,8 @@ from trebucheck.comparisons.runs.scales import scales_until
 from trebucheck.comparisons.runs.stretching import stretching_until
 from trebucheck.models.machines.registry import models
 from trebucheck.models.mechanism import mechanism_schema
+from trebucheck.models.mjcf.recorded import RECORDED_FILE
+from trebucheck.models.mjcf.writer import write_model_folder
 from trebucheck.models.problems.benchmark import Benchmark
 from trebucheck.models.problems.registry import benchmarks
 from trebucheck.models.spec import schema_text
@@ -267,11 +270,21 @@ def write_trajectories() -> None:
         publish(name, ROOT / "comparisons" / "data" / "trajectories")
 
 
+def write_mjcf() -> None:
+    """The machines' MJCF, with the events of their certified motions."""
+    for name in models():
+        folder, mechanism = ROOT / "models" / "mjcf" / name, tb.model(name)
+        motion = record_motion(mechanism)
+        (folder / RECORDED_FILE).write_text(motion.model_dump_json() + "\n")
+        write_model_folder(mechanism, folder, motion=motion)
+
+
 PARTS: dict[str, Callable[[], None]] = {
     "schemas": write_schemas,
     "problems": write_problems,
     "engines": write_engines_on_problems,
     "trajectories": write_trajectories,
+    "mjcf": write_mjcf,
     "agreement": write_agreement,
     "paper": write_paper,
     "motion": write_motion,

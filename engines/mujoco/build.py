@@ -10,7 +10,8 @@ import numpy as np
 from ...models.errors import SimulationError
 from ...models.mechanism import Mechanism
 from ...models.mjcf.points import felt_from
-from ...models.mjcf.writer import MARGIN, START_KEY, mjcf
+from ...models.mjcf.recorded import HOME
+from ...models.mjcf.writer import MARGIN, mjcf
 from .constraints import UnilateralConstraint, stop_contacts
 from .options import MujocoOptions, scaled_solref
 from .reference_acceleration import CALLBACK, ReferenceAccelerationCorrection, mujoco
@@ -70,7 +71,7 @@ def _corrects(options: MujocoOptions) -> bool:
 def start_data(model: Any) -> Any:
     """The model's data at the start."""
     data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, model.key(START_KEY).id)
+    mujoco.mj_resetDataKeyframe(model, data, model.key(HOME).id)
     return data
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from ...models.errors import SimulationError
 from ...models.mechanism import Mechanism
-from ...models.mjcf.appearance import MODEL_FILE, scene
-from ...models.mjcf.writer import mjcf
+from ...models.mjcf.appearance import scene
+from ...models.mjcf.writer import mjcf, model_file
 from .build import start_data
 from .reference_acceleration import CALLBACK, mujoco
 
@@ -25,7 +25,9 @@ def view(mechanism: Mechanism, timestep: float) -> None:
 
     try:
         with CALLBACK:
-            model = mujoco.MjModel.from_xml_string(scene(mechanism), {MODEL_FILE: mjcf(mechanism, timestep).encode()})
+            name = model_file(mechanism)
+            files = {name: mjcf(mechanism, timestep).encode()}
+            model = mujoco.MjModel.from_xml_string(scene(mechanism, name), files)
         viewer.launch(model, start_data(model))
     except (ValueError, RuntimeError) as error:
         raise SimulationError(f"the viewer cannot show {mechanism.name!r}: {error}") from error

@@ -11,18 +11,18 @@ from ..mechanism import Body, Mechanism
 from ..spec import Vector
 from .text import as_text, from_origin, number, numbers
 
-MODEL_FILE = "trebuchet.xml"
+SCENE_FILE = "scene.xml"
 
 _COLOURS = ("0.55 0.35 0.17 1", "0.20 0.45 0.70 1", "0.35 0.35 0.38 1", "0.75 0.55 0.20 1")
 _DENSITY = 1000.0  # [kg/m^3] of the drawn spheres only
 
 
-def scene(mechanism: Mechanism) -> str:
+def scene(mechanism: Mechanism, model: str) -> str:
     """MJCF text that includes the model's file and adds light, a floor nothing collides with, and a camera."""
     reach = reach_of(mechanism)
     root = ET.Element("mujoco", model=f"{mechanism.name} scene")
     root.append(ET.Comment(" Only looks: nothing here has mass or touches the machine. "))
-    ET.SubElement(root, "include", file=MODEL_FILE)
+    ET.SubElement(root, "include", file=model)
     ET.SubElement(root, "statistic", center=numbers(0, 0, round(-0.2 * reach, 3)), extent=number(round(1.2 * reach, 3)))
     visual = ET.SubElement(root, "visual")
     ET.SubElement(visual, "global", offwidth="960", offheight="720")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import count
 
 _REFERENCES = (
@@ -20,23 +20,28 @@ _OTHERS = re.compile(r"[^\w.-]")
 
 def names_in(root: ET.Element) -> dict[str, str]:
     """The name that each element's name becomes, by the one that the writer gave it."""
-    return _valid(name for element in root.iter() if (name := element.get("name")) is not None)
+    return valid_names(name for element in _named(root) if (name := element.get("name")) is not None)
 
 
 def rename(root: ET.Element) -> None:
     """Replace the names in a tree, and all references to them."""
     names = names_in(root)
-    for element in root.iter():
+    for element in _named(root):
         for attribute in _REFERENCES:
             if (name := element.get(attribute)) is not None:
                 element.set(attribute, names.get(name, name))
 
 
-def _valid(names: Iterable[str]) -> dict[str, str]:
-    """A valid name for each; those that are valid already keep theirs."""
-    names = tuple(dict.fromkeys(names))
-    new = {name: name for name in names if not _OTHERS.search(name)}
-    taken = set(new)
+def _named(root: ET.Element) -> Iterator[ET.Element]:
+    """Elements with names; keyframes, which a file may or may not have, have theirs apart."""
+    return (element for element in root.iter() if element.tag != "key")
+
+
+def valid_names(names: Iterable[str], taken: Iterable[str] = ()) -> dict[str, str]:
+    """A valid name for each, all different; those that are valid already keep theirs, unless it is taken."""
+    names, taken = tuple(dict.fromkeys(names)), set(taken)
+    new = {name: name for name in names if not _OTHERS.search(name) and name not in taken}
+    taken.update(new)
     for name in names:
         if name not in new:
             new[name] = _free(_OTHERS.sub("_", name), taken)

@@ -7,6 +7,7 @@ directions of their axes turn with the parent and not with the child.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Sequence
 
 from ..joints import GROUND, AnyJoint, FreeJoint
 from ..mechanism import Mechanism
@@ -26,6 +27,27 @@ def hinge_chain(mechanism: Mechanism, body: str) -> tuple[str, ...]:
     joint = mechanism.joint_of(body)
     inner = hinge_chain(mechanism, joint.parent)
     return inner if joint.holds_angle else (*inner, joint.name)
+
+
+def joint_values(mechanism: Mechanism, rates: Sequence[float]) -> list[float]:
+    """Speeds of MuJoCo's joints, in its order: depth first, slides before hinges.
+
+    Args:
+        mechanism: any.
+        rates: of the coordinates, in their order; changes of them since the start give those of the joints.
+    """
+    turning = {name: 0.0 if index is None else rates[index] for name, (index, _) in mechanism.attitudes.items()}
+    sliding = dict(zip(mechanism.coordinates, rates, strict=True))
+
+    def below(parent: str) -> Iterator[float]:
+        for body in mechanism.children(parent):
+            joint = mechanism.joint_of(body.name)
+            yield from (sliding[name] for name in joint.slides)
+            if not joint.holds_angle:
+                yield turning[body.name] - turning[parent]
+            yield from below(body.name)
+
+    return list(below(GROUND))
 
 
 def start_angles(mechanism: Mechanism) -> dict[str, float]:

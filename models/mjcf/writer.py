@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -26,15 +26,14 @@ from ..kinematics import initial_state
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
 from ..stops import PointStop, Stop
-from .appearance import MODEL_FILE, add_shapes, add_stand, scene
+from .appearance import SCENE_FILE, add_shapes, add_stand, scene
 from .forces import Forces
-from .names import names_in, rename
+from .names import names_in, rename, valid_names
 from .points import Points, force_sensor, torque_sensor
+from .recorded import HOME, RecordedMotion
 from .text import as_text, from_origin, number, numbers, spatial
-from .tree import add_angle_tendon, hinge_weights, slide_joints, start_angles
+from .tree import add_angle_tendon, hinge_weights, joint_values, slide_joints, start_angles
 
-SCENE_FILE = "scene.xml"
-START_KEY = "home"
 KINETIC_ENERGY, POTENTIAL_ENERGY = "energy/kinetic", "energy/potential"
 
 _HINGE = "0 1 0"
@@ -62,27 +61,30 @@ def velocity_sensor(marker: str) -> str:
     return f"{marker}/velocity"
 
 
-def mjcf(mechanism: Mechanism, timestep: float = 1e-3) -> str:
+def mjcf(mechanism: Mechanism, timestep: float = 1e-3, motion: RecordedMotion | None = None) -> str:
     """The mechanism as MJCF text, the same for equal mechanisms, to the byte.
 
     Args:
         mechanism: any.
         timestep: of MuJoCo's integrator [s]; the stiffness of stops and loops is scaled with it.
+        motion: of this mechanism; its events become keyframes beside that of the start, `home`.
 
     Raises:
-        InputError: the time step is not positive and finite.
+        InputError: the time step is not positive and finite, or the motion is another mechanism's.
         UnsupportedProblemError: a stop holds a body against itself, or a point of the ground against the ground.
     """
     if not (math.isfinite(timestep) and timestep > 0):
         raise InputError(f"timestep = {timestep!r} s must be positive and finite.")
-    root = _Writer(mechanism, timestep).root()
+    if motion is not None and motion.mechanism_hash != mechanism.content_hash:
+        raise InputError(f"motion is not one of {mechanism.name!r}: it was recorded of another mechanism.")
+    root = _Writer(mechanism, timestep, motion).root()
     rename(root)
     return as_text(root)
 
 
 @lru_cache(maxsize=64)
 def _names(mechanism: Mechanism) -> Mapping[str, str]:
-    return MappingProxyType(names_in(_Writer(mechanism, 1e-3).root()))
+    return MappingProxyType(names_in(_Writer(mechanism, 1e-3, None).root()))
 
 
 def mjcf_names(mechanism: Mechanism) -> Mapping[str, str]:
@@ -100,37 +102,48 @@ def mjcf_names(mechanism: Mechanism) -> Mapping[str, str]:
     return _names(cast("Any", mechanism))  # type checkers do not see that a description has a hash
 
 
-def write_model_folder(mechanism: Mechanism, folder: str | Path, timestep: float = 1e-3) -> tuple[Path, Path]:
-    """Write `trebuchet.xml` and `scene.xml` into a folder, made if need be; neither is ever there half-written.
+def model_file(mechanism: Mechanism) -> str:
+    """Name of the file of its MJCF, beside `scene.xml`: `rolling.xml`."""
+    (name,) = valid_names([mechanism.name], taken=["scene"]).values()
+    return f"{name}.xml"
+
+
+def write_model_folder(
+    mechanism: Mechanism, folder: str | Path, timestep: float = 1e-3, motion: RecordedMotion | None = None
+) -> tuple[Path, Path]:
+    """Write the model (`rolling.xml`, by the mechanism's name) and `scene.xml` into a folder.
+
+    The folder is made if need be; neither file is ever there half-written.
 
     Args:
         mechanism: any.
         folder: where to; files of the same names are replaced.
         timestep: as :func:`mjcf` [s].
+        motion: as :func:`mjcf`; the camera is fitted to its path.
 
     Returns:
         The two paths.
 
     Raises:
-        InputError: the folder cannot be written to, or the time step is not valid.
+        InputError: the folder cannot be written to, or as :func:`mjcf`.
         UnsupportedProblemError: as :func:`mjcf`.
     """
-    texts = {MODEL_FILE: mjcf(mechanism, timestep), SCENE_FILE: scene(mechanism)}
+    model = model_file(mechanism)
+    texts = {model: mjcf(mechanism, timestep, motion), SCENE_FILE: scene(mechanism, model)}
     for name, text in texts.items():
         write_text(Path(folder) / name, text)
-    return Path(folder) / MODEL_FILE, Path(folder) / SCENE_FILE
+    return Path(folder) / model, Path(folder) / SCENE_FILE
 
 
 class _Writer:
     """One model's elements."""
 
-    def __init__(self, mechanism: Mechanism, timestep: float) -> None:
-        self.mechanism = mechanism
+    def __init__(self, mechanism: Mechanism, timestep: float, motion: RecordedMotion | None) -> None:
+        self.mechanism, self.motion = mechanism, motion
         self.timestep = timestep
-        start, speeds = (values.tolist() for values in initial_state(mechanism))
-        self.angle, self.speed = start_angles(mechanism), _angle_speeds(mechanism, speeds)
-        self.slide = dict(zip(mechanism.coordinates, start, strict=True))
-        self.slide_speed = dict(zip(mechanism.coordinates, speeds, strict=True))
+        self.start, self.speeds = (values.tolist() for values in initial_state(mechanism))
+        self.angle = start_angles(mechanism)
+        self.slide = dict(zip(mechanism.coordinates, self.start, strict=True))
         self.ranges: dict[str, list[float]] = {}
         self.points, self.forces = Points(mechanism), Forces(mechanism)
         self.on_tendon = tuple(stop for stop in mechanism.angle_stops if not self._fits_its_joint(stop))
@@ -151,10 +164,19 @@ class _Writer:
             self._add_tendons(ET.SubElement(root, "tendon"))
         self.forces.add_actuators(root)
         self._add_sensors(ET.SubElement(root, "sensor"))
-        keyframe = ET.SubElement(root, "keyframe")
-        start = list(self._start_speeds(GROUND))
-        ET.SubElement(keyframe, "key", name=START_KEY, qpos=numbers(*[0.0] * len(start)), qvel=numbers(*start))
+        self._add_keyframes(ET.SubElement(root, "keyframe"))
         return root
+
+    def _add_keyframes(self, keyframe: ET.Element) -> None:
+        """The start, and the events of the recorded motion."""
+        speeds = joint_values(self.mechanism, self.speeds)
+        ET.SubElement(keyframe, "key", name=HOME, qpos=numbers(*[0.0] * len(speeds)), qvel=numbers(*speeds))
+        for key in self.motion.keyframes if self.motion else ():
+            moved = [q - start for q, start in zip(key.q, self.start, strict=True)]
+            places, speeds = (joint_values(self.mechanism, values) for values in (moved, key.u))
+            ET.SubElement(
+                keyframe, "key", name=key.name, time=number(key.time), qpos=numbers(*places), qvel=numbers(*speeds)
+            )
 
     def _gap(self, stop: Stop) -> float:
         """Gap at the start [rad]; 0 to the last bit where it touches."""
@@ -181,15 +203,6 @@ class _Writer:
             return False
         self.ranges[joint.name] = merged
         return True
-
-    def _start_speeds(self, parent: str) -> Iterator[float]:
-        """Joint speeds in MuJoCo's order: depth first, slides before hinges."""
-        for body in self.mechanism.children(parent):
-            joint = self.mechanism.joint_of(body.name)
-            yield from (self.slide_speed[name] for name in joint.slides)
-            if not joint.holds_angle:
-                yield self.speed[body.name] - self.speed[parent]
-            yield from self._start_speeds(body.name)
 
     def _add_defaults(self, default: ET.Element) -> None:
         # A time constant of two steps and the greatest impedance MuJoCo takes: errors of the stops' softness
@@ -288,11 +301,6 @@ class _Writer:
             ET.SubElement(sensor, "framelinvel", of, name=velocity_sensor(marker.name))
         ET.SubElement(sensor, "e_kinetic", name=KINETIC_ENERGY)
         ET.SubElement(sensor, "e_potential", name=POTENTIAL_ENERGY)
-
-
-def _angle_speeds(mechanism: Mechanism, speeds: Sequence[float]) -> dict[str, float]:
-    """Angular speeds of the bodies and the ground at the start [rad/s], by name."""
-    return {name: 0.0 if index is None else speeds[index] for name, (index, _) in mechanism.attitudes.items()}
 
 
 def _turned_back(vector: Vector, angle: float) -> Vector:

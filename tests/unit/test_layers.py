@@ -20,7 +20,8 @@ FRONT = [ROOT / "__init__.py", ROOT / "__main__.py", ROOT / "version.py"]
 RANKS: tuple[tuple[str, ...], ...] = (
     ("models",),
     ("models/problems",),
-    ("models/machines", "models/mjcf", "models/drawing"),
+    ("models/machines", "models/drawing"),
+    ("models/mjcf",),
     ("reference", "engines"),
     ("reference/taylor", "reference/throw", "engines/mujoco", "engines/pymunk", "engines/exudyn"),
     ("reference/certification",),
@@ -33,6 +34,7 @@ RANKS: tuple[tuple[str, ...], ...] = (
         "comparisons/converge",
         "comparisons/data",
         "comparisons/explain",
+        "comparisons/mjcf",
         "comparisons/problems",
         "comparisons/recommend",
         "comparisons/throw",

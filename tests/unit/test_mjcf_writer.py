@@ -19,7 +19,9 @@ from trebucheck.models.machines.registry import model, models
 from trebucheck.models.machines.trebuchet import fixed, rolling
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.mjcf import writer as mjcf_writer
-from trebucheck.models.mjcf.writer import FAR, MODEL_FILE, SCENE_FILE, mjcf, mjcf_names, scene, write_model_folder
+from trebucheck.models.mjcf.appearance import SCENE_FILE, scene
+from trebucheck.models.mjcf.recorded import stored_motion
+from trebucheck.models.mjcf.writer import FAR, mjcf, mjcf_names, write_model_folder
 from trebucheck.models.stops import PointStop, Stop
 
 MACHINES = {"fixed": fixed, "rolling": rolling}
@@ -48,16 +50,16 @@ def limit_of(root: ET.Element, tag: str, name: str) -> tuple[float, float]:
 
 @every_model
 def test_the_committed_files_are_what_the_writer_writes(name: str, tmp_path: Path) -> None:
-    for path in write_model_folder(model(name), tmp_path):
+    for path in write_model_folder(model(name), tmp_path, motion=stored_motion(model(name))):
         assert path.read_bytes() == (committed(name) / path.name).read_bytes()
 
 
 @every_model
 def test_a_folder_is_complete(name: str) -> None:
     present = {path.name for path in committed(name).iterdir()}
-    assert {"README.md", "LICENSE", "CHANGELOG.md", MODEL_FILE, SCENE_FILE} <= present
+    assert {"README.md", "LICENSE", "CHANGELOG.md", f"{name}.xml", SCENE_FILE} <= present
     assert (committed(name) / "LICENSE").read_text().startswith("MIT License")
-    assert (committed(name) / "trebuchet.png").stat().st_size < 100_000
+    assert (committed(name) / f"{name}.png").stat().st_size < 100_000
 
 
 def test_floats_read_back_to_the_same_bits() -> None:
@@ -138,7 +140,7 @@ def test_start_speeds_are_relative_and_slides_come_first() -> None:
 @pytest.mark.parametrize("mechanism", [*(model(name) for name in models()), everything()], ids=lambda m: m.name)
 def test_names_have_no_character_that_an_importer_refuses(mechanism: Mechanism) -> None:
     root, names = parsed(mechanism), mjcf_names(mechanism)
-    present = {name for element in root.iter() if (name := element.get("name")) is not None}
+    present = {name for e in root.iter() if e.tag != "key" and (name := e.get("name")) is not None}
     assert all(re.fullmatch(r"[\w.-]+", name) for name in present)
     assert present == set(names.values()) and len(set(names.values())) == len(names)
     # Every reference is to one of them, of the kind that its attribute names.
@@ -175,7 +177,7 @@ def test_nothing_drawn_has_mass_or_touches(name: str) -> None:
     assert (default.get("mass"), default.get("contype"), default.get("conaffinity")) == ("0", "0", "0")
     geoms = list(root.find("worldbody").iter("geom"))  # type: ignore[union-attr]
     assert all(not {"mass", "contype", "conaffinity"} & set(geom.attrib) for geom in geoms)
-    floor = next(ET.fromstring(scene(model(name))).iter("geom"))
+    floor = next(ET.fromstring(scene(model(name), f"{name}.xml")).iter("geom"))
     assert (floor.get("contype"), floor.get("conaffinity")) == ("0", "0")
     # What is drawn has no name, and only what has one can be in a pair that touches.
     named = {geom.get("name") for geom in geoms} - {None}
@@ -270,13 +272,13 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
 
 def test_an_interrupted_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_model_folder(fixed(), tmp_path)
-    before = (tmp_path / MODEL_FILE).read_bytes()
+    before = (tmp_path / "fixed.xml").read_bytes()
 
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(mjcf_writer.Path, "replace", full)
     with pytest.raises(InputError, match="No space left"):
-        write_model_folder(rolling(), tmp_path)
-    assert (tmp_path / MODEL_FILE).read_bytes() == before
-    assert {path.name for path in tmp_path.iterdir()} == {MODEL_FILE, SCENE_FILE}
+        write_model_folder(fixed(TrebuchetParameters(l1=9)), tmp_path)
+    assert (tmp_path / "fixed.xml").read_bytes() == before
+    assert {path.name for path in tmp_path.iterdir()} == {"fixed.xml", SCENE_FILE}

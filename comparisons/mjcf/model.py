@@ -1,0 +1,65 @@
+"""`tb.mjcf`: the MJCF of whatever has a name here, or of a mechanism, with its events as keyframes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...models.errors import InputError
+from ...models.machines.registry import library_problem, model, parameters_type
+from ...models.mechanism import Mechanism
+from ...models.mjcf import writer
+from ...models.mjcf.paths import as_spec as spec_of
+from ...models.mjcf.recorded import RecordedMotion, stored_motion
+from ...models.problem import Problem
+from .events import record_motion
+
+
+def mjcf(
+    given: str | Mechanism | Problem,
+    *,
+    timestep: float = 1e-3,
+    keyframes: bool = True,
+    as_spec: bool = False,
+    **parameters: float,
+) -> Any:
+    """The MJCF of a machine, of a problem of the library, or of any mechanism.
+
+    >>> text = tb.mjcf("rolling", l1=9.5)  # doctest: +SKIP
+    >>> mujoco.MjModel.from_xml_string(text)  # doctest: +SKIP
+
+    Args:
+        given: name of a machine or problem, a mechanism, or a problem.
+        timestep: of MuJoCo's integrator [s]; the stiffness of stops and loops is scaled with it.
+        keyframes: whether the reference is solved for a keyframe at each release, impact and rest, and at the launch;
+            `home`, the start, is always there.
+        as_spec: give a `mujoco.MjSpec` instead of text.
+        parameters: of a named machine or problem; their defaults where left out.
+
+    Raises:
+        InputError: nothing has that name, a parameter is not one of its, or the time step is not valid.
+        UnsupportedProblemError: MJCF cannot hold it.
+        SimulationError: the reference cannot move it; without keyframes it is written all the same.
+        EngineNotInstalledError: MuJoCo is not there, for `as_spec`.
+    """
+    found = _named(given, parameters) if isinstance(given, str) else given
+    if parameters and not isinstance(given, str):
+        raise InputError(f"{', '.join(parameters)}: only what has a name has parameters; this is a mechanism as it is.")
+    mechanism = found.mechanism if isinstance(found, Problem) else found
+    text = writer.mjcf(mechanism, timestep, motion_of(found) if keyframes else None)
+    return spec_of(text) if as_spec else text
+
+
+def motion_of(given: Mechanism | Problem) -> RecordedMotion:
+    """The stored motion of exactly this mechanism, or else a new one.
+
+    Raises:
+        InputError: the reference cannot begin.
+        SimulationError: the reference cannot move it.
+    """
+    stored = stored_motion(given) if isinstance(given, Mechanism) else None
+    return stored or record_motion(given)
+
+
+def _named(name: str, parameters: dict[str, float]) -> Mechanism | Problem:
+    given = parameters_type(name)(**parameters)
+    return library_problem(name, given) or model(name, given)
