@@ -1,6 +1,7 @@
 # make report   set up, compare all engines, write report/report.html
 # make test     set up, run the whole test suite
 # make quick    the fast tier: no engine simulates (under a minute)
+# make plugins  the engines of others: an environment each, their tests, plugins/results/*.json
 # make docs     the documentation as a site, in site/
 PYTHON ?= python3
 VENV   ?= .venv
@@ -8,7 +9,9 @@ BIN    := $(VENV)/bin
 SOURCES := $(shell git ls-files '*.py' 'models/mjcf' '*.json' '*.j2' '*.js' '*.css' 2>/dev/null) pyproject.toml
 OPEN   ?= $(shell command -v xdg-open || command -v open || echo true)
 
-.PHONY: report test quick lint types generated docs benchmark clean
+PLUGINS ?= $(patsubst plugins/%/pyproject.toml,%,$(wildcard plugins/*/pyproject.toml))
+
+.PHONY: report test quick lint types generated docs benchmark plugins clean
 
 # The wheel is installed, not the checkout: that proves that it is complete, and is what type checkers resolve.
 $(VENV)/installed: $(SOURCES) constraints.txt
@@ -44,5 +47,8 @@ docs: $(VENV)/installed
 benchmark: $(VENV)/installed
 	$(BIN)/python benchmarks/launch.py
 
+plugins:
+	$(PYTHON) plugins/run.py . $(PLUGINS)
+
 clean:
-	rm -rf $(VENV) build report site *.egg-info
+	rm -rf $(VENV) .plugins build report site *.egg-info

@@ -151,6 +151,8 @@ class BuiltinEngine(EngineOptions, ABC):
     name: ClassVar[str]
     package: ClassVar[str]
     """Distribution whose version is reported, and module that must be importable."""
+    module: ClassVar[str | None] = None
+    """The module, where it has another name than the distribution."""
     capabilities: ClassVar[Capabilities]
     stock_options: ClassVar[Mapping[str, object]]
     """What the engine's documentation leads to, where it differs from the tuned defaults."""
@@ -182,7 +184,7 @@ class BuiltinEngine(EngineOptions, ABC):
     @classmethod
     def is_installed(cls) -> bool:
         """Whether the engine's package is here: installed, and not only a folder left by another one."""
-        return importlib.util.find_spec(cls.package) is not None and cls.version() != _ABSENT
+        return cls.version() != _ABSENT and importlib.util.find_spec(cls.module or cls.package) is not None
 
     @classmethod
     def version(cls) -> str:

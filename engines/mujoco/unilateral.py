@@ -7,24 +7,21 @@ of all contacts that touch there change the speeds, and those at rest afterwards
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from ...models.arrays import FloatArray
 from ...models.kinematics import Kinematics
 from ...models.problem import Problem
 from ..contact_events import AT_REST, Contacts, resting
-from .impact import Inertia, resolve_impact
+from ..event_location import may_be_met, onto_zero_gap
+from ..impact import Inertia, resolve_impact
 from .options import MujocoOptions
 from .read import absolute_from_relative
 from .reference_acceleration import mujoco
 from .step import ROUNDING, Stepper
-
-_RESOLVED = 1e-13  # of the step in which an impact is: error of its time
 
 
 class UnilateralStepper(Stepper):
@@ -104,12 +101,7 @@ class UnilateralStepper(Stepper):
         It is met if it closes in penetration at one of the two, or at the lowest point of the cubic between them.
         """
         (gap, speed), least = self._gap_motion(name, states), self._least_speed(name, states[0])
-        closing = (gap < 0) & (speed < -least)
-        (g0, g1), (v0, v1) = (gap[:-1], gap[1:]), (speed[:-1] * step, speed[1:] * step)
-        turns = (g0 > 0) & (speed[:-1] < -least) & (speed[1:] > 0)
-        s = np.where(turns, v0 / np.where(turns, v0 - v1, 1.0), 0.0)
-        lowest = (g0 * (1 + 2 * s) + v0 * s) * (1 - s) ** 2 + (g1 * (3 - 2 * s) - v1 * (1 - s)) * s**2
-        return closing[:-1] | closing[1:] | (turns & (lowest < 0))
+        return may_be_met(gap, speed, least, step)
 
     def _onto_zero_gap(self, name: str, ends: FloatArray, step: float) -> float | None:
         """The part of a step [s] after which a stop is met; None if it only comes near, or too slowly to be met.
@@ -119,26 +111,14 @@ class UnilateralStepper(Stepper):
             ends: MuJoCo's states before and after the step.
             step: length of the step [s].
         """
-        (gap, _), (speed, last_speed) = self._gap_motion(name, ends)
-        least = self._least_speed(name, ends[0])
 
         def motion(part: float) -> tuple[float, float]:
             self._step_part(ends[0], part)
             now, closing = self._gap_motion(name, self._state())
             return float(now), float(closing)
 
-        if gap <= 0 and speed < -least:
-            return 0.0
-        turn = root_in(lambda part: motion(part)[1], 0.0, step) if speed * last_speed < 0 else 0.0
-        # Where the gap grew at first the turn is its top, else its lowest point.
-        low, high = (turn, step) if speed >= 0 else (0.0, turn or step)
-        if motion(high)[0] >= 0:
-            return None
-        if motion(low)[0] > 0:
-            low = root_in(lambda part: motion(part)[0], low, high)
-        if motion(low)[1] < -least:
-            return low
-        return root_in(lambda part: motion(part)[1] + least, low, high) if motion(high)[1] < -least else None
+        (gap, _), (first, last) = self._gap_motion(name, ends)
+        return onto_zero_gap(motion, float(gap), (float(first), float(last)), step, self._least_speed(name, ends[0]))
 
     def _step_part(self, before: FloatArray, part: float) -> None:
         """As :meth:`_step`, of any length [s], zero included."""
@@ -171,7 +151,7 @@ class UnilateralStepper(Stepper):
         speeds = inertia.without_drift(self.data.qvel, active)
         closing = {name: float(row @ speeds) for name, row in gaps.items()}
         restitution = self.events.restitution(closing, q, self.sums @ speeds)
-        impact = resolve_impact(inertia, speeds, gaps, restitution)
+        impact = resolve_impact(inertia, speeds, gaps, restitution, "mujoco")
         self.events.note_impact(t, impact.impulses)
         self.data.qvel[:] = impact.speeds
         self._hold(touching, impact.left, t)
@@ -205,13 +185,3 @@ class UnilateralStepper(Stepper):
     def _loops(self, q: FloatArray) -> FloatArray:
         """Jacobian of the joints that close loops, shape (n_loops, n_v)."""
         return self.kinematics.loop_jacobian(q) @ self.sums
-
-
-def root_in(function: Callable[[float], float], low: float, high: float) -> float:
-    """Zero of a function that changes its sign over part of a step [s]; the nearer end if rounding hides the change."""
-    # The solver's warm start makes a last bit depend on the steps before: each value is taken once.
-    function = functools.cache(function)
-    first, last = function(low), function(high)
-    if first * last >= 0:
-        return low if abs(first) <= abs(last) else high
-    return float(brentq(function, low, high, xtol=_RESOLVED * high))

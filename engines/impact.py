@@ -1,10 +1,10 @@
-"""The impact of all contacts that touch, through MuJoCo's full mass matrix and the joints that close loops.
+"""The impact of all contacts that touch, through an engine's full mass matrix and the joints that close loops.
 
 With W the inverse of the mass matrix on the motions that the loops allow, and G the gap Jacobian, the impulses x solve
 
     0 <= x  complementary to  G W G^T x + (1 + e) G v >= 0
 
-(Newton's law of restitution, Moreau), all contacts at once (:mod:`..impact_law`); v are MuJoCo's joint speeds.
+(Newton's law of restitution, Moreau), all contacts at once (:mod:`.impact_law`); v are speeds in any coordinates.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models.arrays import FloatArray
-from ...models.errors import SimulationError
-from .. import impact_law
+from ..models.arrays import FloatArray
+from ..models.errors import SimulationError
+from . import impact_law
 
 _RANK = 1e-12  # of the largest singular value: redundant constraints have smaller ones
 
@@ -26,7 +26,7 @@ class Impact:
     """What an impact does."""
 
     speeds: FloatArray
-    """Joint speeds after it, shape (n_v,)."""
+    """After it, shape (n_v,)."""
     impulses: Mapping[str, float]
     """Of the contacts that touch [N m s, or N s for one on a point]."""
     left: Mapping[str, float]
@@ -35,7 +35,7 @@ class Impact:
 
 @dataclass(frozen=True)
 class Inertia:
-    """What impulses do to the joint speeds in one position."""
+    """What impulses do to the speeds in one position."""
 
     mass: FloatArray
     """Full mass matrix, shape (n_v, n_v)."""
@@ -65,15 +65,20 @@ class Inertia:
 
 
 def resolve_impact(
-    inertia: Inertia, speeds: FloatArray, gaps: Mapping[str, FloatArray], restitution: Mapping[str, float]
+    inertia: Inertia,
+    speeds: FloatArray,
+    gaps: Mapping[str, FloatArray],
+    restitution: Mapping[str, float],
+    engine: str,
 ) -> Impact:
     """The impact of the contacts that touch.
 
     Args:
         inertia: at the position there.
-        speeds: of MuJoCo's joints before, without drift, shape (n_v,).
+        speeds: before, without drift, shape (n_v,).
         gaps: gap Jacobian of each contact that touches, shape (n_v,).
         restitution: e of each of them.
+        engine: its name in the message.
 
     Raises:
         SimulationError: no set of contacts takes part.
@@ -83,7 +88,7 @@ def resolve_impact(
     coefficients = np.array([restitution[name] for name in names])
     impulses = impact_law.impulses(rows @ by_impulse, rows @ speeds, coefficients)
     if impulses is None:
-        raise SimulationError(f"mujoco finds no impact of the stops {', '.join(names)} in which all of them push.")
+        raise SimulationError(f"{engine} finds no impact of the stops {', '.join(names)} in which all of them push.")
     after = speeds + by_impulse @ impulses
     return Impact(
         after, dict(zip(names, impulses.tolist(), strict=True)), dict(zip(names, (rows @ after).tolist(), strict=True))

@@ -1,0 +1,1 @@
+"""Pinocchio as an engine of trebucheck."""

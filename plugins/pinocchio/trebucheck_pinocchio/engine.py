@@ -1,0 +1,65 @@
+"""Pinocchio: a tree of joints with forward and inverse dynamics, and neither time steps nor stops of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, Literal
+
+from pydantic import Field
+from trebucheck.engines.event_driver import EventDriver
+from trebucheck.engines.inspection import Inspection, State
+from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
+from trebucheck.engines.study import EngineStudy
+from trebucheck.models.features import Feature
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.problem import Problem, StopLaw
+
+from .study import STUDY
+
+
+class PinocchioEngine(BuiltinEngine):
+    """Pinocchio's forward dynamics in a time-stepping scheme of one's own; the defaults are the tuned preset.
+
+    Accelerations are those of `aba`, the mass matrix that of `crba`, energies and points Pinocchio's, reactions the
+    joint forces of `rnea` at the accelerations found. Stops and joints that close loops are held by constraint
+    multipliers on these quantities; springs, dampers and motors are joint torques.
+
+    The stock preset is the loop of Pinocchio's examples: `v += a h; q = integrate(q, v h)`, a stop let go at the end
+    of the first step after which it would pull.
+
+    Raises:
+        InputError: an option is unknown or outside its range.
+    """
+
+    name: ClassVar[str] = "pinocchio"
+    package: ClassVar[str] = "pin"
+    module: ClassVar[str | None] = "pinocchio"
+    tables: ClassVar[EngineStudy] = STUDY
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        joint_reactions=True,
+        joint_gaps=False,
+        located_releases=True,
+        stop_laws=frozenset(StopLaw),
+        formulation="minimal relative joints (articulated-body algorithm), stops and loops by multipliers, RK4 "
+        "(stock: semi-implicit Euler, releases at a step's end)",
+        features=frozenset(Feature),
+    )
+    stock_options: ClassVar[Mapping[str, object]] = {"scheme": "semi-implicit Euler", "locate_releases": False}
+
+    scheme: Literal["RK4", "semi-implicit Euler"] = Field(
+        default="RK4", description="time-stepping scheme, in joint coordinates"
+    )
+    locate_releases: bool = Field(default=True, description="find a release inside its step, not at its end")
+
+    def _run(self, problem: Problem) -> Recording:
+        from .motion import Motion
+
+        motion = Motion(problem.mechanism, self.scheme)
+        return EventDriver(problem, motion, self.name, self.timestep, self.locate_releases).run()
+
+    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
+        """The built model's mass matrix, forces and forward dynamics in each state."""
+        self.refuse_absence()
+        from .inspect import inspect
+
+        return inspect(mechanism, states)

@@ -1,0 +1,44 @@
+"""What studies need to know of Pinocchio."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from trebucheck.engines.study import (
+    REFINEMENT,
+    STOCK_SET,
+    TUNED_SET,
+    Cause,
+    ConstraintKinds,
+    EngineStudy,
+    Intervention,
+    StepOrder,
+    Tolerance,
+    time_step_cause,
+)
+
+
+def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
+    return (
+        Cause("event location", "a stop is let go at the end of the step in which its torque vanishes",
+              Intervention({"locate_releases": True})),
+        Cause("scheme", "what semi-implicit Euler leaves out of a step", Intervention({"scheme": "RK4"})),
+        time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
+    )  # fmt: skip
+
+
+_NEED = "fourth order: RK4 with located releases"
+STUDY = EngineStudy(
+    causes=_causes,
+    step_orders={
+        "tuned": StepOrder(4.0, "RK4 in joint coordinates, events located to rounding"),
+        "stock": StepOrder(1.0, "semi-implicit Euler in joint coordinates, releases at a step's end"),
+    },
+    option_sets=(STOCK_SET, TUNED_SET),
+    tolerances=(
+        Tolerance("tuned", "position_max", 1e-8, 1e-3, 4, _NEED),
+        Tolerance("tuned", "release_time", 1e-9, 1e-3, 4, _NEED),
+        Tolerance("tuned", "stop_torque_max", 1e-9, 1e-3, 4, _NEED, per="peak"),
+    ),
+    colour="#0b6e4f",
+)

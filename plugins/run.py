@@ -1,0 +1,67 @@
+"""Runs the plug-ins, each in an environment of its own: its tests, then the comparison whose results are committed.
+
+Called by `make plugins`; needs nothing but Python. Usage: python plugins/run.py WHEEL_SOURCE NAME...
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+HERE = Path(__file__).parent
+MACHINES = ("fixed", "rolling")
+
+
+def environment(name: str, source: Path) -> Path:
+    """The folder of the environment's programs; trebucheck and the plug-in are installed anew."""
+    folder = source / ".plugins" / name
+    programs = folder / "bin"
+    if not programs.exists():
+        venv.create(folder, with_pip=True)
+    constraints = HERE / name / "constraints.txt"
+    chosen = constraints if constraints.exists() else source / "constraints.txt"
+    pip = [str(programs / "python"), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    subprocess.run([*pip, "--constraint", str(chosen), str(source), str(HERE / name), "pytest"], check=True)
+    subprocess.run([*pip, "--force-reinstall", "--no-deps", str(source), str(HERE / name)], check=True)
+    return programs
+
+
+def problems(programs: Path) -> list[str]:
+    """Names of the machines and of the library's problems."""
+    code = "import trebucheck.models.problems.registry as r; print(*(each.name for each in r.benchmarks()))"
+    found = subprocess.run([str(programs / "python"), "-c", code], check=True, capture_output=True, text=True, cwd="/")
+    return [*MACHINES, *found.stdout.split()]
+
+
+def results(programs: Path, name: str) -> int:
+    """Compare the engine on every problem and write what `trebucheck compare --json` prints."""
+    models = ",".join(problems(programs))
+    out = programs.parent / "report"
+    command = [str(programs / "trebucheck"), "compare", "--engines", name, "--models", models, "--json"]
+    # Exit code 1 says that some run disagrees, which is a result.
+    found = subprocess.run([*command, "--out", str(out)], capture_output=True, text=True, cwd=programs.parent)
+    if found.returncode not in (0, 1):
+        sys.stderr.write(found.stderr)
+        return found.returncode
+    path = HERE / "results" / f"{name}.json"
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(json.dumps(json.loads(found.stdout), indent=1) + "\n", encoding="utf-8")
+    return 0
+
+
+def main(source: Path, names: list[str]) -> int:
+    """Run them all; the exit code is that of the first that fails."""
+    failed = 0
+    for name in names:
+        programs = environment(name, source)
+        tests = subprocess.run([str(programs / "python"), "-m", "pytest", "-q", "-c", "/dev/null", "--rootdir",
+                                str(HERE / name), str(HERE / name / "tests")])  # fmt: skip
+        failed = failed or tests.returncode or results(programs, name)
+    return failed
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1]).resolve(), sys.argv[2:]))
