@@ -21,7 +21,7 @@ from ..diagnosis.motion import diagnose_motion
 from ..report.numbers import format_number
 from ..runs.pairs import Compared, pair_of
 from ..runs.results import Diagnosis, Equality, Machine, Outcome, Pair, Run, SingularPosition, verdict_on
-from ..runs.runner import Runner, Worker, failure, simulate_warm
+from ..runs.runner import Runner, Worker, failure, simulate
 from ..runs.store import conditions, digest
 from ..runs.study import Study
 from ..runs.tolerances import Needs, is_table_one, judge
@@ -182,7 +182,7 @@ class MachineRuns:
 
     def _diagnosed(self, run: Run, trajectory: Trajectory, engine: Engine) -> Diagnosis | None:
         motions = trajectory, self.runner.solution, self.runner.end
-        diagnose = partial(diagnose_motion, run, *motions, engine, simulate_warm)
+        diagnose = partial(diagnose_motion, run, *motions, engine, simulate)
         try:
             return self.runner.worker.compute(diagnose, "the diagnosis")  # it solves and runs many changed machines
         except Exception:  # a diagnosis that fails must not cost the row it is about

@@ -20,7 +20,10 @@ from .signatures import Channels, thinned, weights
 _SAMPLES = 300  # of the compared motion: enough to tell suspects apart
 _FEWEST = 3
 _TOLERANCE = 1e-11  # of the suspects' motions
-_STIFF, _FEWEST_STEPS = 20, 5000
+_REFERENCE_STEPS = 100  # at least, as a measure of what a motion with a fault may cost
+
+PATIENCE = 20
+"""Steps of a motion with a fault, in parts of the reference's (whose tolerance is finer: it takes twice as many)."""
 
 
 @dataclass(frozen=True)
@@ -111,9 +114,11 @@ class Case:
         return float(np.median(np.diff(self.whole.t)))
 
     def carried(self, other: Trajectory) -> FloatArray:
-        """Signature of a trajectory at other times."""
-        difference = self.channels.stacked(other, self.solution.trajectory(other.t))
-        columns = [np.interp(self.t, other.t, column) for column in difference.T]
+        """Signature of a trajectory at other times, interpolated between those of its samples that are next to ours."""
+        after = np.minimum(np.searchsorted(other.t, self.t), len(other.t) - 1)
+        near = thinned(other, np.unique([np.maximum(after - 1, 0), after]))
+        difference = self.channels.stacked(near, self.solution.trajectory(near.t))
+        columns = [np.interp(self.t, near.t, column) for column in difference.T]
         return (self.weights * np.stack(columns, axis=1)).ravel()
 
     def problem(self, mechanism: Mechanism) -> Problem:
@@ -121,18 +126,23 @@ class Case:
         law = StopLaw(self.solution.problem.stop_law)
         return Problem(mechanism, duration=float(self.t[-1]), stop_law=law)
 
-    def solved(self, equations: Equations) -> Solution | None:
-        """The motion under other equations; None if it cannot be computed."""
+    def solved(self, equations: Equations, patience: int = PATIENCE) -> Solution | None:
+        """The motion under other equations; None if it cannot be computed.
+
+        Args:
+            patience: it is given up after so many times the reference's steps: equations that are so stiff are far
+                from any that fit.
+        """
         try:
             with np.errstate(all="ignore"):
-                return solve(self.problem(equations.mechanism), _TOLERANCE, _TOLERANCE, equations, self._most_steps)
+                most = patience * self._reference_steps
+                return solve(self.problem(equations.mechanism), _TOLERANCE, _TOLERANCE, equations, most)
         except (TrebucheckError, np.linalg.LinAlgError, ValueError):
             return None
 
     @cached_property
-    def _most_steps(self) -> int:
-        """Of a motion with a fault: a size that makes the equations so stiff is far from any that fits."""
-        return max(_FEWEST_STEPS, _STIFF * sum(len(segment.interpolant.ts) for segment in self.solution.segments))
+    def _reference_steps(self) -> int:
+        return max(_REFERENCE_STEPS, sum(len(segment.interpolant.ts) for segment in self.solution.segments))
 
     def under(self, law: StopLaw) -> Solution | None:
         """The motion under the other law of the stops; None if it cannot be computed."""

@@ -17,7 +17,7 @@ from ...models.problem import Problem
 from ...reference.equations import Equations
 from ...reference.solution import Motion
 from ..runs.results import Cause
-from .case import Case
+from .case import PATIENCE, Case
 from .hypotheses import Hypothesis, hypotheses
 from .ranking import EXACT
 from .response import first_order
@@ -28,6 +28,7 @@ _SOLVED = 3  # suspects of each window that are then solved
 _CORRECTIONS = 4
 _WORTH_SOLVING = 0.98  # of the best share in its group: of a member of it
 _HOPELESS = 0.5  # share to first order, below which a size is not corrected
+_IMPATIENCE = 3  # times the reference's steps: what fits so badly to first order is not solved where it is stiff
 _GAIN = 0.003  # in share: corrections that gain less are at an end
 _PARSIMONY = 0.5  # a fault of two numbers must leave less than this part of what one of them alone leaves
 
@@ -140,8 +141,9 @@ def _solved(case: Case, lead: _Lead) -> Found | None:
     """The hypothesis as large as it fits best, by solving and correcting; None where no size can be solved."""
     best: Found | None = None
     factors, size = lead.factors, float(np.linalg.norm(case.deviation))
-    for _ in range(_CORRECTIONS if lead.explained > _HOPELESS else 1):
-        signature = _measured(case, lead, factors)
+    corrections, patience = (_CORRECTIONS, PATIENCE) if lead.explained > _HOPELESS else (1, _IMPATIENCE)
+    for _ in range(corrections):
+        signature = _measured(case, lead, factors, patience)
         if signature is None:
             if best is not None:
                 break
@@ -156,10 +158,10 @@ def _solved(case: Case, lead: _Lead) -> Found | None:
     return best
 
 
-def _measured(case: Case, lead: _Lead, factors: FloatArray) -> FloatArray | None:
+def _measured(case: Case, lead: _Lead, factors: FloatArray, patience: int) -> FloatArray | None:
     """Signature of the motion with the fault of a size, read as the lead has it."""
     equations = lead.hypothesis.equations(factors.tolist())
-    solution = None if equations is None else case.solved(equations)
+    solution = None if equations is None else case.solved(equations, patience)
     if solution is None:
         return None
     motion: Motion = solution.motion(case.t)
