@@ -250,15 +250,17 @@ class OnDemand(Mapping[_K, _V]):
 
 
 def in_order(function: Callable[[_K], _V], items: Iterable[_K], jobs: int, ahead: int | None = None) -> Generator[_V]:
-    """The function's values in the order of the items, each computed when asked for, or by that many threads.
+    """The function's values in the order of the items, each computed when asked for, or several at once.
 
     Args:
+        jobs: processes that serve the function's calls. There is a thread more: while one measures here what its
+            process gave, the others keep all processes busy.
         ahead: how many values are computed before they are asked for, at most; None: all, of a finite number of items.
     """
     if jobs == 1:
         yield from map(function, items)
         return
-    threads, waiting = ThreadPoolExecutor(jobs), deque[Future[_V]]()
+    threads, waiting = ThreadPoolExecutor(jobs + 1), deque[Future[_V]]()
     try:
         for item in items:
             waiting.append(threads.submit(function, item))
