@@ -1,4 +1,4 @@
-"""Mechanisms moved along directions of their numbers, for differences."""
+"""Mechanisms moved along directions of their numbers, and derivatives along them, for differences."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 from trebucheck.models.kinematics import initial_state
 from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.reference.equations import Equations, consistent_coordinates, kkt_matrix
-from trebucheck.reference.throw.variational import moved
+from trebucheck.reference.solver import solve
+from trebucheck.reference.throw.tangent import StateTangent, state_tangent
+from trebucheck.reference.throw.variational import VariationalEquations, consistent_direction, moved, numbers
 
 Direction = dict[str, float]
 
@@ -31,6 +34,27 @@ def stepped(mechanism: Mechanism, direction: Direction, step: float, active: tup
     kkt, right = kkt_matrix(mass, jacobian), np.concatenate([mass @ u, np.zeros(len(jacobian))])
     speeds = np.linalg.solve(kkt, right)[: len(q)]
     return other.model_copy(update={"start": tuple(closest.tolist()), "start_speeds": tuple(speeds.tolist())})
+
+
+def random_direction(mechanism: Mechanism, least: float) -> Direction:
+    """All numbers at once, each by some part of itself, or of `least` if that is more; unit vectors turn."""
+    random, known = np.random.default_rng(0), numbers(mechanism)
+    direction: Direction = {}
+    for name, value in known.items():
+        part = float(random.uniform(-1, 1))
+        base, _, component = name.rpartition(".")
+        if not base.endswith(("axis", "normal", "gravity_direction")):
+            direction[name] = (
+                part * max(least, abs(value)) if value or not name.endswith(("inertia", "restitution")) else 0
+            )
+        elif component == "0":
+            direction |= {name: -part * known[f"{base}.1"], f"{base}.1": part * value}
+    return consistent_direction(mechanism, direction)
+
+
+def derivatives(mechanism: Mechanism, directions: list[Direction], t: float, law: StopLaw) -> StateTangent:
+    solution = solve(Problem(mechanism, duration=t, stop_law=law))
+    return state_tangent(solution, VariationalEquations(mechanism, directions), t)
 
 
 def _of_length_one(part: Any, field: str) -> Any:

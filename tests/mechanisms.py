@@ -374,3 +374,15 @@ def everything() -> Mechanism:
         start=(0.3, -0.4, 0.9, 0.1, 0.2, 0.35, -0.2),
         start_speeds=(0.5, 1.0, -0.7, 0.2, -0.3, 0.4, 0.6),
     )  # fmt: skip
+
+
+def bouncing(height: float, restitution: float) -> Mechanism:
+    """A point mass on an upright rail above a floor."""
+    rail = PrismaticJoint(
+        name="rail", child="ball", parent_point=(0, 0), child_point=(0, 0), axis=(0, 1), coordinate="height"
+    )
+    floor = PointStop(
+        name="floor", body="ball", point=(0, 0), normal=(0, 1), offset=0, closed=False, restitution=restitution
+    )
+    ball = Body(name="ball", mass=1.0, centre=(0, 0), inertia=0)
+    return Mechanism(name="ball", bodies=(ball,), joints=(rail,), stops=(floor,), gravity=G, start=(height,))

@@ -16,7 +16,7 @@ from ...models.spec import Spec
 from ..dependence import least_step
 from ..dual import Dual
 from ..equations import Equations
-from .variational import Direction, VariationalEquations, consistent_directions
+from .variational import Direction, VariationalEquations, consistent_directions, movable
 
 _HELD = 1e-9  # a coordinate of which less is free than this cannot be chosen
 
@@ -141,7 +141,7 @@ def _possible(mechanism: Mechanism, found: list[PhysicalNumber]) -> tuple[list[P
     """Without those that tear loops apart, whatever the start does."""
     equations, q = VariationalEquations(mechanism, [number.direction for number in found]), mechanism.start
     start = Dual(np.array(q), equations.along_each("start", len(q)))
-    torn = equations.misfits(start, [stop.name for stop in mechanism.stops if stop.closed])
+    torn = equations.misfits(start, movable(equations, [stop.name for stop in mechanism.stops if stop.closed]))
     sentences = [
         f"there is no derivative by the {found[j].name}: a change of it alone would lock the mechanism or open a loop"
         for j in torn

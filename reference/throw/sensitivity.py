@@ -27,6 +27,7 @@ from ...models.problem import Problem
 from ..dual import Dual
 from ..solution import Solution
 from ..solver import solve, solve_to_launch
+from .kinks import one_sided, sides
 from .physical import physical_numbers
 from .release import Projectile
 from .tangent import PointTangent, StateTangent, marker_tangent, state_tangent
@@ -73,6 +74,8 @@ class Sensitivities:
     """Shape (n,)."""
     d_release_times: dict[str, FloatArray]
     """Of every stop, shape (n,); NaN where it did not open between the start and the launch (or opened at t = 0)."""
+    one_sided: tuple[str, ...] = ()
+    """Sentences on those that hold for an increase or a decrease only, and on those that do not exist (NaN)."""
 
 
 def sensitivities(
@@ -84,7 +87,7 @@ def sensitivities(
 
     A start angle takes its rest along (the rests stand where the machine starts). A start speed is a kick of which
     only the part counts that the closed rests let through; see `VariationalEquations.start`. From a rest gone at
-    t = 0, because it would have to pull, the kick leads away (one towards it would strike it).
+    t = 0, because it would have to pull, the kick leads away; one towards it would strike it, which `one_sided` says.
 
     Args:
         build: `fixed` or `rolling`, or a function that makes the same machines.
@@ -161,6 +164,7 @@ def _of_the_release(
     point = marker_tangent(equations, state)
     # What is held at the release's time t(p) fixes t; what is read there moves with p and with t.
     d_time = _d_time(solution, equations, state, point, moment)
+    d_time = np.where(np.isnan(sides(state.kinks, len(names))), np.nan, d_time)
     d_position = point.d_position + d_time[:, None] * point.velocity
     d_velocity = point.d_velocity + d_time[:, None] * point.acceleration
     speed = math.hypot(*point.velocity)
@@ -178,6 +182,7 @@ def _of_the_release(
         d_launch_angle=(d_velocity @ np.array([-vy, vx])) / speed**2 / scale,
         d_range=(d_landing - d_origin[:, 0]) / scale,
         d_release_times={name: d / scale for name, d in state.d_release_times.items()},
+        one_sided=tuple(one_sided(state.kinks, names)),
     )
 
 
@@ -334,7 +339,7 @@ def sensitivities_of(
         parameters: of that machine.
 
     Returns:
-        The derivatives, and sentences on those that do not exist.
+        The derivatives, and sentences on those that do not exist or hold one way only.
     """
     release = performance.flight.release
     moment = Moment(release.time, performance.held, release.angle)
@@ -355,7 +360,7 @@ def sensitivities_of(
     except UnsupportedProblemError as error:
         return (), (f"there are no sensitivities: {str(error).removesuffix('.')}",)
     listed = _listed(found, units)
-    return (tuple(sorted(listed, key=_effect)) if name is None else listed), tuple(sentences)
+    return (tuple(sorted(listed, key=_effect)) if name is None else listed), (*sentences, *found.one_sided)
 
 
 def _listed(found: Sensitivities, units: Mapping[str, str]) -> tuple[Sensitivity, ...]:
@@ -370,6 +375,7 @@ def _listed(found: Sensitivities, units: Mapping[str, str]) -> tuple[Sensitivity
             range=None if math.isnan(found.d_range[i]) else float(found.d_range[i]),
         )
         for i, each in enumerate(found.names)
+        if not math.isnan(found.d_launch_time[i])
     )
 
 

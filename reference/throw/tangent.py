@@ -24,7 +24,8 @@ from ..dual import Dual, value_of
 from ..integrator import Integrator, one_thread
 from ..reactions import undetermined_forces
 from ..solution import Segment, Solution
-from .variational import VariationalEquations
+from .kinks import Kink, kinks_along, kinks_at_start, kinks_of_kicks
+from .variational import VariationalEquations, movable
 
 TOLERANCE = 1e-13
 """Local error bound of the tangents: identities are then exact to some 1e-10, at half the cost of the solver's own."""
@@ -49,6 +50,8 @@ class StateTangent:
     """Of every stop, shape (m,); NaN where it did not open between the start and t."""
     d_impact_times: tuple[tuple[float, FloatArray], ...] = ()
     """Time [s] of every impact between the start and t, and its derivatives, shape (m,)."""
+    kinks: tuple[Kink, ...] = ()
+    """Stops for which the derivatives along some directions hold to one side only."""
 
 
 @dataclass(frozen=True)
@@ -105,30 +108,45 @@ class _Along:
         self.n_q, m = len(solution.problem.mechanism.coordinates), len(equations.directions)
         self.releases = {stop.name: np.full(m, np.nan) for stop in solution.problem.mechanism.stops}
         self.impacts: list[tuple[float, FloatArray]] = []
+        self.kinks: list[Kink] = []
+        # Stops whose gaps the loops fix have no part in the motion, and their forces are not unique.
+        self.movable = movable(equations, [stop.name for stop in solution.problem.mechanism.stops])
 
     def until(self, t: float) -> StateTangent:
         """Through all events before t [s]."""
         segments = [segment for segment in self.solution.segments if segment.start < t or segment.start == 0]
         q, u = self._start(segments[0])
         for segment in segments:
+            first = q, u
             q, u = self._integrated(segment, q, u, min(segment.end, t))
+            self.kinks += kinks_along(self.equations, segment, (first, (q, u)))
             if segment.end <= t:
                 self._note_releases(segment, q, u)
             if segment is not segments[-1]:
                 following = self.solution.segments[self.solution.segments.index(segment) + 1]
                 q, u = self._after(segment, following, q, u)
         closed = segments[-1].closed
-        self.equations.refuse_misfits(q, closed, f"the motion at t = {t:.6g} s", _SAME)
-        return StateTangent(t, q.value, u.value, q.tangents.T, u.tangents.T, closed, self.releases, tuple(self.impacts))
+        self.equations.refuse_misfits(q, self._active(segments[-1]), f"the motion at t = {t:.6g} s", _SAME)
+        tangents = q.tangents.T, u.tangents.T
+        events = self.releases, tuple(self.impacts), tuple(self.kinks)
+        return StateTangent(t, q.value, u.value, *tangents, closed, *events)
 
     def _start(self, first: Segment) -> tuple[Dual, Dual]:
         """At t = 0, behind an impact if the start drives into a closed stop."""
         q, u = initial_state(self.solution.problem.mechanism)
         q_after, u_after = self._state(first)
         struck = self._impulses(0.0)
-        taking_part = tuple(dict.fromkeys((*first.closed, *(name for name, p in struck.items() if p > 0))))
+        taking_part = tuple(dict.fromkeys((*self._active(first), *(name for name, p in struck.items() if p > 0))))
         start = self.equations.start(q, u, taking_part, self._rebounds(q, u, u_after, taking_part, first.closed))
-        return Dual(q_after, start[0].tangents), Dual(u_after, start[1].tangents)
+        q_start, u_start = Dual(q_after, start[0].tangents), Dual(u_after, start[1].tangents)
+        self.kinks += kinks_at_start(self.equations, q_start, u_start, taking_part)
+        unspent = Dual(u_after, self.equations.along_each("start_speeds", self.n_q))
+        self.kinks += kinks_of_kicks(self.equations, q_start, unspent, self._active(first))
+        return q_start, u_start
+
+    def _active(self, segment: Segment) -> tuple[str, ...]:
+        """Stops that act on the motion."""
+        return tuple(name for name in segment.closed if name in self.movable)
 
     def _state(self, segment: Segment) -> tuple[FloatArray, FloatArray]:
         """The reference's, as a segment starts."""
@@ -136,7 +154,7 @@ class _Along:
         return q, u
 
     def _impulses(self, t: float) -> dict[str, float]:
-        """Of the impact at t [s]; none if there is none.
+        """Of the impact at t [s], by stop that acts on the motion; none if there is none.
 
         Raises:
             UnsupportedProblemError: there are several.
@@ -144,10 +162,10 @@ class _Along:
         found = [impulses for time, impulses in self.solution.impacts if time == t]
         if len(found) > 1:
             raise _not_smooth(t, "several impacts follow each other there at once")
-        return found[0] if found else {}
+        return {name: p for name, p in found[0].items() if name in self.movable} if found else {}
 
     def _integrated(self, segment: Segment, q: Dual, u: Dual, end: float) -> tuple[Dual, Dual]:
-        n_q, m = self.n_q, q.tangents.shape[-1]
+        n_q, m, active = self.n_q, q.tangents.shape[-1], self._active(segment)
 
         def unpacked(y: FloatArray) -> tuple[Dual, Dual]:
             tangents = y[2 * n_q :].reshape(2, n_q, m)
@@ -158,7 +176,7 @@ class _Along:
 
         def rates(_: float, y: FloatArray) -> FloatArray:
             q, u = unpacked(y)
-            return packed(u, self.equations.accelerations(q, u, segment.closed)[0])
+            return packed(u, self.equations.accelerations(q, u, active)[0])
 
         if end <= segment.start:
             return q, u
@@ -191,7 +209,7 @@ class _Along:
         self.impacts.append((t, shift))
         self.releases |= {name: shift for name in before.closed if self.solution.release_times[name] == t}
         taking_part = tuple(
-            name for name, p in impulses.items() if p > 0 or (name in before.closed and name in after.closed)
+            name for name, p in impulses.items() if p > 0 or (name in self._active(before) and name in after.closed)
         )
         rebounds = self._rebounds(q.value, u.value, u_after, taking_part, after.closed)
         q = Dual(q.value, q.tangents + np.outer(u.value, shift))

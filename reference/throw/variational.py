@@ -66,7 +66,8 @@ def moved(mechanism: Mechanism, direction: Direction, step: float = 1.0) -> Mech
 def consistent_direction(mechanism: Mechanism, direction: Direction) -> dict[str, float]:
     """The direction with the nearest change of the start that keeps loops closed and closed stops touching.
 
-    Speeds need no change: what the constraints take of a change of them is taken at the start
+    Of a stop whose gap the loops alone fix, the gap changes with the direction, whatever the start. Speeds need no
+    change: what the constraints take of a change of them is taken at the start
     (:meth:`VariationalEquations.start`).
 
     Raises:
@@ -77,8 +78,8 @@ def consistent_direction(mechanism: Mechanism, direction: Direction) -> dict[str
 
 def consistent_directions(mechanism: Mechanism, directions: Sequence[Direction]) -> list[dict[str, float]]:
     """Several of :func:`consistent_direction`."""
-    closed = [stop.name for stop in mechanism.stops if stop.closed]
     equations, q = VariationalEquations(mechanism, directions), initial_state(mechanism)[0]
+    closed = movable(equations, [stop.name for stop in mechanism.stops if stop.closed])
     dq = equations.along_each("start", len(q))
     jacobian = equations.constraint_jacobian(q, closed)
     if len(jacobian):
@@ -86,6 +87,11 @@ def consistent_directions(mechanism: Mechanism, directions: Sequence[Direction])
         dq = dq - np.stack([least_step(jacobian, residual, rank) for residual in residuals.T], axis=1)
     starts = [{f"start.{i}": float(value) for i, value in enumerate(column)} for column in dq.T]
     return [dict(direction) | start for direction, start in zip(directions, starts, strict=True)]
+
+
+def movable(equations: Equations, stops: Sequence[str]) -> tuple[str, ...]:
+    """Those of some stops whose gaps can change, because the loops alone do not fix them."""
+    return tuple(name for name in stops if equations.rank_at_start((name,)) > equations.rank_at_start(()))
 
 
 def _with_speeds(mechanism: Mechanism) -> Mechanism:
@@ -274,6 +280,11 @@ class VariationalEquations(Equations):
     def residual_tangents(self, q: Dual, closed: Sequence[str]) -> FloatArray:
         """Derivatives of the loop closures and of the gaps of closed stops, shape (n_constraints, m)."""
         return _tangents(self._dual.residual(q, closed), len(self.directions))
+
+    def gap_tangents(self, q: Dual, u: Dual, stop: str) -> tuple[FloatArray, FloatArray, float]:
+        """Derivatives of a stop's gap and of its gap speed, shape (m,) each, and that speed [its speed_unit]."""
+        speed = (self._dual.constraint_jacobian(q, (stop,)) @ u)[-1]
+        return self.residual_tangents(q, (stop,))[-1], _tangents(speed, len(self.directions)), float(value_of(speed))
 
     def start(
         self, q: FloatArray, u: FloatArray, closed: Sequence[str], restitution: Mapping[str, Any]

@@ -7,45 +7,21 @@ import math
 import numpy as np
 import pytest
 import trebucheck as tb
-from directions import stepped
-from mechanisms import G, everything, hanging_bob, parallel_cranks, pin
+from directions import derivatives, random_direction, stepped
+from mechanisms import G, bouncing, everything, hanging_bob, parallel_cranks, pin
 from random_mechanisms import random_mechanism
 from trebucheck.models.force_elements import RotationalSpringDamper
-from trebucheck.models.joints import GROUND, PrismaticJoint
+from trebucheck.models.joints import GROUND
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.problems.registry import benchmark
-from trebucheck.models.stops import PointStop
 from trebucheck.reference.solver import solve
-from trebucheck.reference.throw.tangent import StateTangent, marker_tangent, state_tangent
-from trebucheck.reference.throw.variational import VariationalEquations, consistent_direction, numbers
+from trebucheck.reference.throw.tangent import marker_tangent, state_tangent
+from trebucheck.reference.throw.variational import VariationalEquations, consistent_direction
 
 STEP = 1e-4
 SOLVER = 1e-12  # of the largest number of a state: what the solver may err by, at a local error of 3e-14 over 100 steps
 BLIND = 1e-4  # differences that know less than this of themselves would prove nothing
-
-Direction = dict[str, float]
-
-
-def derivatives(mechanism: Mechanism, directions: list[Direction], t: float, law: StopLaw) -> StateTangent:
-    solution = solve(Problem(mechanism, duration=t, stop_law=law))
-    return state_tangent(solution, VariationalEquations(mechanism, directions), t)
-
-
-def random_direction(mechanism: Mechanism, least: float) -> Direction:
-    """All numbers at once, each by some part of itself, or of `least` if that is more; unit vectors turn."""
-    random, known = np.random.default_rng(0), numbers(mechanism)
-    direction: Direction = {}
-    for name, value in known.items():
-        part = float(random.uniform(-1, 1))
-        base, _, component = name.rpartition(".")
-        if not base.endswith(("axis", "normal", "gravity_direction")):
-            direction[name] = (
-                part * max(least, abs(value)) if value or not name.endswith(("inertia", "restitution")) else 0
-            )
-        elif component == "0":
-            direction |= {name: -part * known[f"{base}.1"], f"{base}.1": part * value}
-    return consistent_direction(mechanism, direction)
 
 
 def assert_differences_agree(mechanism: Mechanism, t: float, law: StopLaw, least: float = 0.1) -> None:
@@ -91,18 +67,6 @@ def test_problems_of_the_library_against_differences(name: str, part: float) -> 
     """Up to some part of their durations; the N-four-bar, from its first position to one near the singular one."""
     problem = benchmark(name).problem()
     assert_differences_agree(problem.mechanism, part * problem.duration, problem.stop_law, least=1e-4)
-
-
-def bouncing(height: float, restitution: float) -> Mechanism:
-    """A point mass on an upright rail above a floor."""
-    rail = PrismaticJoint(
-        name="rail", child="ball", parent_point=(0, 0), child_point=(0, 0), axis=(0, 1), coordinate="height"
-    )
-    floor = PointStop(
-        name="floor", body="ball", point=(0, 0), normal=(0, 1), offset=0, closed=False, restitution=restitution
-    )
-    ball = Body(name="ball", mass=1.0, centre=(0, 0), inertia=0)
-    return Mechanism(name="ball", bodies=(ball,), joints=(rail,), stops=(floor,), gravity=G, start=(height,))
 
 
 def test_an_impact_in_closed_form() -> None:
