@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from .comparisons.diff.study import diff
     from .comparisons.front.studies import certify, converge, explain, recommend
     from .comparisons.mjcf.model import mjcf
+    from .conformance.check import check
     from .engines.protocol import Capabilities, Engine
     from .engines.registry import engine, engines
     from .models.errors import (
@@ -81,6 +82,7 @@ __all__ = [
     "__version__",
     "catapult",
     "certify",
+    "check",
     "compare",
     "converge",
     "diff",
@@ -111,6 +113,7 @@ _HOMES = {
     "mjcf": "comparisons.mjcf.model",
     "mjcf_names": "models.mjcf.writer",
     "mjcf_path": "models.mjcf.paths",
+    "check": "conformance.check",
     "Capabilities": "engines.protocol",
     "Engine": "engines.protocol",
     "engine": "engines.registry",

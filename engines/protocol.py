@@ -22,7 +22,7 @@ from ..models.errors import (
     TrebucheckError,
     UnsupportedProblemError,
 )
-from ..models.features import Feature, refuse_features
+from ..models.features import Basic, Feature, refuse_features
 from ..models.mechanism import Mechanism
 from ..models.memory import available_memory
 from ..models.problem import Problem, StopLaw
@@ -55,6 +55,8 @@ class Capabilities:
     """Torques and forces of the stops."""
     features: frozenset[Feature] = frozenset()
     """Elements that it can build beside pins, slots in the ground and stops against it."""
+    lacking: frozenset[Basic] = frozenset()
+    """What it cannot build of these: slots, stops, loops of joints, bodies without inertia, restitution."""
 
 
 class Simulator(Protocol):
@@ -240,8 +242,8 @@ class BuiltinEngine(EngineOptions, ABC):
     def _refuse_what_cannot_run(self, problem: Problem) -> None:
         refuse_no_problem(problem)
         self.refuse_absence()
-        refuse_features(problem.mechanism, self.capabilities.features, self.name)
-        if problem.stop_law not in self.capabilities.stop_laws:
+        refuse_features(problem.mechanism, self.capabilities.features, self.name, self.capabilities.lacking)
+        if problem.mechanism.stops and problem.stop_law not in self.capabilities.stop_laws:
             laws = ", ".join(sorted(self.capabilities.stop_laws))
             raise UnsupportedProblemError(
                 f"{self.name} cannot follow the {problem.stop_law.value} law of a stop; it can follow: {laws}."

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import importlib.metadata
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -25,6 +26,9 @@ from .study import Cause, ConstraintKinds, EngineStudy
 
 PLUGIN_GROUP = "trebucheck.engines"
 """Entry-point group in which another package announces an engine class."""
+ANNOUNCED = "TREBUCHECK_ENGINES"
+"""Environment variable with engines of packages that are not installed, as 'name=module:Class' separated by spaces:
+processes that are started inherit it."""
 
 _BUILTIN = {
     "reference": ("reference.engine", "ReferenceEngine"),
@@ -55,8 +59,48 @@ class EngineClass(Protocol):
 
 def engine_names() -> tuple[str, ...]:
     """Every known engine, installed or not, the built-in ones first."""
-    plugins = sorted(point.name for point in importlib.metadata.entry_points(group=PLUGIN_GROUP))
+    plugins = sorted({*(point.name for point in _entry_points()), *_announced()})
     return tuple(_BUILTIN) + tuple(name for name in plugins if name not in _BUILTIN)
+
+
+def _entry_points(**named: str) -> importlib.metadata.EntryPoints:
+    return importlib.metadata.entry_points(group=PLUGIN_GROUP, **named)
+
+
+def _announced() -> dict[str, importlib.metadata.EntryPoint]:
+    """What the environment announces, by name."""
+    pairs = (part.partition("=") for part in os.environ.get(ANNOUNCED, "").split())
+    return {name: importlib.metadata.EntryPoint(name, path, PLUGIN_GROUP) for name, _, path in pairs}
+
+
+def announce(path: str) -> str:
+    """Make an engine class known by its own name, here and in processes that are started from now on.
+
+    Args:
+        path: of the class, as 'package.module:Class'.
+
+    Returns:
+        The engine's name.
+
+    Raises:
+        InputError: there is no such class, it has no name, or its name is that of an engine of this package.
+    """
+    cls = _loaded(importlib.metadata.EntryPoint(path, path, PLUGIN_GROUP))
+    name = getattr(cls, "name", None)
+    if not isinstance(name, str) or not name or set(name) & set(" =/"):
+        raise InputError(f"engine {path}: its name is {name!r}; a text without spaces, '=' and '/' is needed.")
+    if name in _BUILTIN:
+        raise InputError(f"engine {path}: its name {name!r} is that of an engine of trebucheck; another one is needed.")
+    known = {known: point.value for known, point in _announced().items()} | {name: path}
+    os.environ[ANNOUNCED] = " ".join(f"{known}={value}" for known, value in known.items())
+    return name
+
+
+def _loaded(point: importlib.metadata.EntryPoint) -> EngineClass:
+    try:
+        return cast("EngineClass", point.load())
+    except Exception as error:
+        raise InputError(f"engine {point.name!r} comes from a plug-in that cannot be loaded: {error}.") from error
 
 
 def engine_class(name: str) -> EngineClass:
@@ -68,11 +112,8 @@ def engine_class(name: str) -> EngineClass:
     if name in _BUILTIN:
         module, cls = _BUILTIN[name]
         return cast("EngineClass", getattr(importlib.import_module(f".{module}", __package__), cls))
-    for point in importlib.metadata.entry_points(group=PLUGIN_GROUP, name=name):
-        try:
-            return cast("EngineClass", point.load())
-        except Exception as error:
-            raise InputError(f"engine {name!r} comes from a plug-in that cannot be loaded: {error}.") from error
+    for point in (*filter(None, [_announced().get(name)]), *_entry_points(name=name)):
+        return _loaded(point)
     known = engine_names()
     close = get_close_matches(name, known, n=1)
     hint = f" (did you mean {close[0]!r}?)" if close else ""
@@ -249,7 +290,7 @@ class CompletedEngine:
     def simulate(self, problem: Problem) -> Trajectory:
         """As the plug-in's engine does."""
         refuse_no_problem(problem)
-        refuse_features(problem.mechanism, self.capabilities.features, self.name)
+        refuse_features(problem.mechanism, self.capabilities.features, self.name, self.capabilities.lacking)
         return self.simulator.simulate(problem)
 
 

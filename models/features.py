@@ -9,6 +9,18 @@ from .errors import UnsupportedProblemError
 from .force_elements import ConstantForce, ConstantTorque, RotationalSpringDamper, SpringDamper
 from .joints import GROUND, FreeJoint, PrismaticJoint, SlotJoint, WeldJoint
 from .mechanism import Mechanism
+from .stops import Stop
+
+
+class Basic(StrEnum):
+    """An element that solvers have unless they say that they lack it; its text is its name in the plural."""
+
+    SLOT = "slots in the ground"
+    LOOP = "loops of joints"
+    POINT_MASS = "bodies without inertia about their centre of mass"
+    STOP = "stops on angles"
+    POINT_STOP = "stops on points"
+    REBOUND = "stops with a restitution"
 
 
 class Feature(StrEnum):
@@ -40,23 +52,52 @@ _OF_MECHANISMS: dict[Feature, Callable[[Mechanism], Iterable[str]]] = {
 }
 
 
+_BASICS: dict[Basic, Callable[[Mechanism], Iterable[str]]] = {
+    Basic.SLOT: lambda m: (j.name for j in m.joints if isinstance(j, SlotJoint) and j.parent == GROUND),
+    Basic.LOOP: lambda m: (j.name for j in m.loop_joints),
+    Basic.POINT_MASS: lambda m: (b.name for b in m.bodies if b.inertia == 0),
+    Basic.STOP: lambda m: (s.name for s in m.stops if isinstance(s, Stop)),
+    Basic.POINT_STOP: lambda m: (s.name for s in m.point_stops),
+    Basic.REBOUND: lambda m: (s.name for s in m.stops if s.restitution),
+}
+
+
 def features_of(mechanism: Mechanism) -> dict[Feature, tuple[str, ...]]:
     """The features that a mechanism has, and the names of its elements of each."""
     found = {feature: tuple(names(mechanism)) for feature, names in _OF_MECHANISMS.items()}
     return {feature: names for feature, names in found.items() if names}
 
 
-def refuse_features(mechanism: Mechanism, known: Collection[Feature], who: str) -> None:
+def missing_elements(
+    mechanism: Mechanism, known: Collection[Feature], lacking: Collection[Basic] = ()
+) -> dict[Feature | Basic, tuple[str, ...]]:
+    """What a mechanism needs and a solver does not have, and the names of its elements of each.
+
+    Args:
+        known: features that the solver has.
+        lacking: elements of every solver that this one lacks.
+    """
+    missing: dict[Feature | Basic, tuple[str, ...]] = {
+        feature: names for feature, names in features_of(mechanism).items() if feature not in known
+    }
+    basics = {basic: tuple(_BASICS[basic](mechanism)) for basic in Basic if basic in lacking}
+    return missing | {basic: names for basic, names in basics.items() if names}
+
+
+def refuse_features(
+    mechanism: Mechanism, known: Collection[Feature], who: str, lacking: Collection[Basic] = ()
+) -> None:
     """Refuse a mechanism with elements that a solver does not have.
 
     Args:
         known: features that the solver has.
         who: the solver, as the sentence begins.
+        lacking: elements of every solver that this one lacks.
 
     Raises:
         UnsupportedProblemError: the sentence names the elements.
     """
-    missing = {feature: names for feature, names in features_of(mechanism).items() if feature not in known}
+    missing = missing_elements(mechanism, known, lacking)
     if missing:
         texts = [f"{feature} ({', '.join(repr(name) for name in names)})" for feature, names in missing.items()]
         raise UnsupportedProblemError(f"{who} cannot move {mechanism.name!r}: it has no {' and no '.join(texts)}.")

@@ -95,6 +95,8 @@ class MachineRuns:
         self.store, self._needs = study.store, study.needs
         self.runner = Runner(mechanism, worker, study.end_of(mechanism), study.law_of(mechanism))
         self.runs: list[Run] = []
+        self.diagnoses = True
+        """Whether the causes of what is broken are looked for."""
         self.motions: dict[str, Callable[[], Trajectory]] = {}
         self._compared: dict[str, Compared] = {}
         self._files: dict[str, str] = {}
@@ -155,7 +157,7 @@ class MachineRuns:
         cost = {"steps": trajectory.provenance.steps, "wall_time": trajectory.provenance.wall_time}
         judged = judge(run, self.machine, self._needs)
         run = run.model_copy(update={"metrics": judged, "outcome": verdict_on(judged), **cost})
-        if run.broken:
+        if run.broken and self.diagnoses:
             run = run.model_copy(update={"diagnosis": self._diagnosed(run, trajectory, engine)})
         return MadeRun(run, trajectory, self._for_pairs(trajectory))
 

@@ -1,0 +1,112 @@
+"""`tb.check`: one engine on one problem, as an assertion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..comparisons.compare.machine import Case, MachineRuns, RunRecord
+from ..comparisons.compare.sentences import complaints, diagnosis
+from ..comparisons.runs.quantities import QUANTITIES, judged_quantity
+from ..comparisons.runs.results import COMPARED, Run
+from ..comparisons.runs.study import Study, one_end
+from ..engines.registry import engine_class
+from ..models.errors import EngineNotInstalledError, InputError
+from ..models.mechanism import Mechanism
+from ..models.problem import Problem, StopLaw
+from .suite import Target
+
+
+def check(
+    engine: str,
+    model: str | Mechanism | Problem = "fixed",
+    *,
+    duration: float | None = None,
+    until: str | float | None = None,
+    stop_law: StopLaw | str | None = None,
+    options: Mapping[str, Any] | None = None,
+    timeout: float = 600.0,
+    isolate: bool = True,
+    **tolerances: float | str,
+) -> Run:
+    """Assert that an engine agrees with the reference: `tb.check("mujoco", "fixed", position=1e-6, energy="0.1%")`.
+
+    Args:
+        engine: NAME, NAME/PRESET, or the same with 'package.module:Class' for the name.
+        model: name of a machine or of a problem of the library, the path of a mechanism's .json file, a mechanism, or a
+            problem.
+        duration: end of the compared motion [s]; a problem's own, else the launch, if left out.
+        until: the end in other words, as `compare` takes it.
+        stop_law: 'release-once' or 'unilateral'; a problem's own, else 'release-once', if left out.
+        options: of the engine.
+        timeout: longest wait for the run [s].
+        isolate: run the engine in a process of its own, so that its crash fails the check and nothing else.
+        tolerances: by quantity as `trebucheck compare --tolerance` takes them, with '_' for '-': in the quantity's
+            unit, or in parts of its scale as '0.1%'. Only these quantities are judged; where none is named all are, by
+            the engine's claims and the default.
+
+    Returns:
+        The run with all its metrics.
+
+    Raises:
+        AssertionError: a tolerance does not hold, a quantity could not be judged, or the engine failed, refused the
+            problem or built another mechanism; the text names quantity, error, tolerance and, where known, the cause.
+        InputError: a name, a quantity or a value is not valid.
+        EngineNotInstalledError: the engine is not here.
+    """
+    target = Target.of(engine)
+    if not engine_class(target.engine).is_installed():
+        raise EngineNotInstalledError(f"engine {target.engine!r} is not installed here.")
+    needs = {_title(name): value for name, value in tolerances.items()}
+    given = Mechanism.load(Path(model)) if isinstance(model, str) and model.endswith(".json") else model
+    study = Study(
+        [given], [target.engine], [target.preset], options=options or {}, stop_law=stop_law,
+        until=one_end(duration, until), tolerances=needs, timeout=timeout, isolate=isolate,
+    )  # fmt: skip
+    run = _run(study, target)
+    wanted = frozenset(study.needs.by_quantity)
+    faults = list(_faults(run, wanted))
+    if faults:
+        name = study.mechanisms[0].name
+        raise AssertionError("\n".join([f"{target.label} on {name!r}: {faults[0]}", *faults[1:], *diagnosis(run)]))
+    return run
+
+
+def _title(name: str) -> str:
+    """Of a quantity, as needs have it; 'launch_time' and 'stop-torque:sling rest' are both ways of naming one."""
+    title, colon, subject = name.partition(":")
+    plain = title if title in QUANTITIES else title.replace("_", "-")
+    if plain == "default":
+        return name
+    try:
+        judged_quantity(plain)
+    except InputError as error:
+        raise InputError(str(error).replace("tolerance ", "quantity ", 1)) from None
+    return f"{plain}{colon}{subject}"
+
+
+def _run(study: Study, target: Target) -> Run:
+    with study.worker() as worker:
+        runs = MachineRuns(study, study.mechanisms[0], worker)
+        made = study.engine(target.engine, target.preset)
+        own = study.engine_for(runs.runner.mechanism.name, runs.machine.scales.time, made)
+        found = runs.made(Case(runs.runner.mechanism.name, target.engine, target.preset), own)
+    assert not isinstance(found, RunRecord)  # there is no store
+    return found.run
+
+
+def _faults(run: Run, wanted: frozenset[tuple[str, str | None]]) -> list[str]:
+    """Sentences; none where the check holds."""
+    if run.outcome not in COMPARED:
+        return [f"{run.outcome.value}: {run.message}"]
+    asked = [m for m in run.metrics if not wanted or {(m.name, m.subject), (m.name, None)} & wanted]
+    chosen = run.model_copy(update={"metrics": tuple(asked)})
+    found = {m.name for m in asked}
+    absent = sorted({name for name, _ in wanted} - found)
+    return [
+        *complaints(chosen),
+        *(f"{m.label}: not judged: {m.note or 'it has no tolerance'}" for m in chosen.unjudged),
+        *(f"{QUANTITIES[name].title}: not judged: this motion has none" for name in absent),
+        *([] if chosen.judged or absent or chosen.unjudged else ["nothing was judged"]),
+    ]

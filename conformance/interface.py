@@ -1,0 +1,181 @@
+"""How an engine describes itself and answers: what no motion tells."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+
+from ..comparisons.runs.runner import Worker, simulate
+from ..comparisons.runs.validity import refuse_invalid
+from ..engines.protocol import Capabilities, Engine
+from ..engines.registry import EngineClass, engine, engine_class
+from ..models.errors import InputError, SimulationError, TrebucheckError, UnsupportedProblemError
+from ..models.problem import Problem, StopLaw
+from ..models.trajectory import Trajectory
+from .problems import STANDARD, given, missing
+from .verdicts import State
+
+Found = tuple[State, str]
+_SHORT = 200  # steps of a run that is only made to see whether it is made
+_SPAN = 0.1  # [s] of an engine that has no step
+
+
+class _Broken(Exception):
+    """A check's sentence."""
+
+
+@dataclass(frozen=True)
+class _Subject:
+    """What the checks look at."""
+
+    name: str
+    preset: str
+    problems: Sequence[str]
+    worker: Worker
+
+    @property
+    def cls(self) -> EngineClass:
+        return engine_class(self.name)
+
+    def made(self) -> Engine:
+        return engine(self.name, self.preset)
+
+    def short(self, problem: str, made: Engine) -> Trajectory:
+        """A short run of a problem."""
+        mechanism, law = given(problem)
+        duration = _SPAN if made.timestep is None else _SHORT * made.timestep
+        found = self.worker.call(simulate, made, Problem(mechanism, duration=duration, stop_law=law))
+        return refuse_invalid(self.name, found, mechanism, self.cls.capabilities)
+
+
+def presets_of(name: str, cls: EngineClass) -> Mapping[str, Callable[..., object]]:
+    """The makers of an engine's class.
+
+    Raises:
+        InputError: it has none.
+    """
+    try:
+        makers = cls.presets()
+    except Exception as error:
+        raise InputError(f"engine {name!r}: presets() failed: {type(error).__name__}: {error}.") from error
+    if not makers:
+        raise InputError(f"engine {name!r}: presets() gives no maker; one called 'tuned' is needed at least.")
+    return makers
+
+
+def is_installed(cls: EngineClass) -> bool:
+    """Whether its library is here; an engine whose method fails is not."""
+    try:
+        return bool(cls.is_installed())
+    except Exception:
+        return False
+
+
+def checked(name: str, preset: str, problems: Sequence[str], worker: Worker) -> dict[str, Found]:
+    """Every check of the interface."""
+    subject = _Subject(name, preset, problems, worker)
+    return {check: _found(_CHECKS[check], subject) for check in CHECKS}
+
+
+def _found(check: Callable[[_Subject], str], subject: _Subject) -> Found:
+    """What a check finds; its text is why it is skipped, if it has one."""
+    try:
+        skipped = check(subject)
+    except _Broken as error:
+        return State.BROKEN, str(error)
+    except TrebucheckError as error:
+        return State.BROKEN, str(error)
+    except Exception as error:
+        return State.BROKEN, f"{type(error).__name__}: {error}"
+    return (State.SKIPPED, skipped) if skipped else (State.KEPT, "")
+
+
+def _describes_itself(s: _Subject) -> str:
+    capabilities: object = s.cls.capabilities
+    if not isinstance(capabilities, Capabilities):
+        raise _Broken(f"capabilities is a {type(capabilities).__name__}; a trebucheck.Capabilities is needed")
+    if s.cls.name != s.name:
+        raise _Broken(f"the class is called {s.cls.name!r} and announced as {s.name!r}; both must be the same")
+    version: object = s.cls.version()
+    if not isinstance(version, str) or not version:
+        raise _Broken(f"version() gives {version!r}; a text is needed")
+    lacking = {"tuned", "stock"} - set(s.cls.presets())
+    if lacking:
+        raise _Broken(f"presets() lacks {sorted(lacking)[0]!r}; two names may lead to the same maker")
+    return ""
+
+
+def _is_made_again(s: _Subject) -> str:
+    first = s.made()
+    again = engine(first.name, first.preset, **first.settings)
+    if again.settings != first.settings:
+        changed = next(k for k in first.settings if again.settings.get(k) != first.settings[k])
+        raise _Broken(
+            f"made again from its settings, its {changed} is {again.settings.get(changed)!r} instead of "
+            f"{first.settings[changed]!r}"
+        )
+    if (first.name, first.preset) != (s.name, s.preset):
+        raise _Broken(f"the engine made says that it is {first.name}/{first.preset}, not {s.name}/{s.preset}")
+    return ""
+
+
+def _is_the_same_again(s: _Subject) -> str:
+    """The second run comes after one of another problem, so that what is kept from run to run shows."""
+    fit = [p for p in s.problems if not missing(*given(p), s.cls.capabilities)]
+    if not fit:
+        return "none of the problems is one that it can build"
+    made = s.made()
+    first = s.short(fit[0], made)
+    if len(fit) > 1:
+        try:
+            s.short(fit[1], made)
+        except TrebucheckError:
+            pass  # the check of that problem will say it
+    for label, one, other in _sampled(first, s.short(fit[0], made)):
+        if one.shape != other.shape:
+            raise _Broken(f"{fit[0]}: {label} has {other.shape} values in the second run, {one.shape} in the first")
+        if not np.array_equal(one, other):
+            apart = float(np.abs(one - other).max())
+            raise _Broken(f"{fit[0]}: {label} differs by up to {apart:.3g} between two runs of the same problem")
+    return ""
+
+
+def _sampled(one: Trajectory, other: Trajectory) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    for label in ("t", "q", "u", "kinetic_energy", "potential_energy"):
+        yield label, getattr(one, label), getattr(other, label)
+    for name, motion in one.markers.items():
+        yield f"the position of {name!r}", motion.position, other.marker(name).position
+    both = ("joint_reactions", "stop_torques")
+    for field, (name, values) in chain.from_iterable(((f, p) for p in getattr(one, f).items()) for f in both):
+        yield f"{field} of {name!r}", values, getattr(other, field)[name]
+
+
+def _refuses_the_rest(s: _Subject) -> str:
+    """What it does not declare it must refuse, by UnsupportedProblemError, rather than move something else."""
+    capabilities, made, seen = s.cls.capabilities, s.made(), set[str]()
+    for problem in STANDARD:
+        lacking = missing(*given(problem), capabilities)
+        if not lacking or seen.issuperset(lacking):
+            continue
+        seen.update(lacking)
+        try:
+            s.short(problem, made)
+        except UnsupportedProblemError:
+            continue
+        except (SimulationError, InputError) as error:
+            raise _Broken(f"{problem}: it fails instead of refusing {lacking[0]}: {error}") from None
+        raise _Broken(f"it moves {problem!r}, which has {lacking[0]}, and does not declare that it can")
+    return "" if seen else "it declares everything"
+
+
+_CHECKS: dict[str, Callable[[_Subject], str]] = {
+    "description": _describes_itself,
+    "made-again": _is_made_again,
+    "same-again": _is_the_same_again,
+    "refuses": _refuses_the_rest,
+}
+CHECKS = tuple(_CHECKS)
+"""In the order in which they are made."""

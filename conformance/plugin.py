@@ -1,0 +1,196 @@
+"""The pytest plug-in: `pytest --trebucheck NAME` runs the suite on one engine, and a fixture serves tests of one's own.
+
+It is loaded by every pytest run of whoever has trebucheck installed. It therefore imports nothing of trebucheck before
+one of its options or its fixture is used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from .session import Session
+
+_KEY: pytest.StashKey[Session] = pytest.StashKey()
+_REQUIRED: pytest.StashKey[dict[str, bool]] = pytest.StashKey()
+"""Engines of --require-engine by name, and whether a test has used each of them."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """The options."""
+    group = parser.getgroup("trebucheck", "conformance of multibody engines")
+    group.addoption(
+        "--trebucheck", action="append", default=[], metavar="ENGINE",
+        help="run trebucheck's suite on this engine and collect nothing else: NAME, NAME/PRESET, or "
+        "package.module:Class; repeatable. Tests are collected as well only from paths that are named.",
+    )  # fmt: skip
+    group.addoption(
+        "--trebucheck-problem", action="append", default=[], metavar="NAME", help="only this problem; repeatable"
+    )
+    group.addoption(
+        "--trebucheck-tier", choices=("quick", "standard", "full"), default="standard", help="how many problems"
+    )
+    group.addoption(
+        "--trebucheck-timeout", type=float, default=120.0, metavar="S", help="longest wait for one run (default: 120 s)"
+    )
+    group.addoption(
+        "--trebucheck-deviations", metavar="FILE", help="TOML or JSON: known failures, each with id, reason and owner"
+    )
+    group.addoption("--trebucheck-json", metavar="FILE", help="write the verdicts as JSON")
+    group.addoption(
+        "--require-engine", action="append", default=[], metavar="NAME",
+        help="fail if this engine is absent, or if every test of it is skipped; repeatable",
+    )  # fmt: skip
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Start a session of the suite where one was asked for."""
+    config.stash[_REQUIRED] = {name.partition("/")[0]: False for name in config.getoption("--require-engine")}
+    if not config.getoption("--trebucheck"):
+        _refuse_alone(config)
+        return
+    from ..models.errors import TrebucheckError
+    from .session import Session
+
+    names = ("tier", "problem", "timeout", "deviations", "json")
+    options: dict[str, Any] = {name: config.getoption(f"--trebucheck-{name}") for name in names}
+    folder = config.invocation_params.dir
+    try:
+        session = Session.of(
+            config.getoption("--trebucheck"), options, folder, tuple(config.stash[_REQUIRED])
+        )
+    except TrebucheckError as error:
+        raise pytest.UsageError(str(error)) from None
+    config.stash[_KEY] = session
+    config.add_cleanup(session.close)
+    if config.args_source is not pytest.Config.ArgsSource.ARGS:
+        config.args = []
+
+
+def _refuse_alone(config: pytest.Config) -> None:
+    for name in ("problem", "deviations", "json"):
+        if config.getoption(f"--trebucheck-{name}"):
+            raise pytest.UsageError(f"--trebucheck-{name} needs --trebucheck ENGINE")
+
+
+class ConformanceItem(pytest.Item):
+    """One check of one engine."""
+
+    def runtest(self) -> None:
+        """Judge it; the first check of a problem runs it."""
+        verdict = self.config.stash[_KEY].judged(self.name)
+        for key in ("subject", "error", "unit", "tolerance", "source", "cause", "wall_time"):
+            value = getattr(verdict, key)
+            if value not in (None, ""):
+                self.user_properties.append((key, value))
+        if verdict.failed:
+            raise CheckFailed(f"{verdict.text}\n{verdict.cause}".strip())
+        if verdict.state.value == "known deviation":
+            pytest.xfail(verdict.text)
+        if verdict.state.value == "skipped":
+            pytest.skip(verdict.text)
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """The sentence alone, where the check failed."""
+        if isinstance(excinfo.value, CheckFailed):
+            return str(excinfo.value)
+        return super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, None, str]:
+        """A check is at no line of any file."""
+        return self.path, None, self.name
+
+
+class CheckFailed(Exception):
+    """A check's sentence."""
+
+
+class ConformanceSuite(pytest.Collector):
+    """The checks of all engines asked for."""
+
+    def collect(self) -> Iterator[pytest.Item]:
+        """One item a check."""
+        for name in self.config.stash[_KEY].ids:
+            yield ConformanceItem.from_parent(self, name=name, nodeid=name)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(session: pytest.Session, config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Add the suite; -k and --last-failed then choose from it as from any tests."""
+    if _KEY not in config.stash:
+        return
+    suite = ConformanceSuite.from_parent(session, name="trebucheck", nodeid="trebucheck")
+    own = list(suite.collect())
+    if config.pluginmanager.hasplugin("xdist"):  # with --dist loadgroup the checks of one problem stay together
+        for item in own:
+            item.add_marker(pytest.mark.xdist_group(item.name.rpartition("/")[0]))
+    items.extend(item for item in own if isinstance(item, pytest.Item))
+    session.testscollected = len(items)
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
+    """Note of which required engines a test has said something."""
+    outcome: Any = yield
+    report = outcome.get_result()
+    if report.when != "call" or report.skipped:
+        return
+    used = item.config.stash[_REQUIRED]
+    names = {item.name.partition("/")[0]} if isinstance(item, ConformanceItem) else _asked(item)
+    used.update(dict.fromkeys(names & used.keys(), True))
+
+
+def _asked(item: pytest.Item) -> set[str]:
+    fixture = getattr(item, "funcargs", {}).get("trebucheck")
+    return set() if fixture is None else set(fixture.asked)
+
+
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    """Write the JSON; an engine that was required and said nothing fails the session."""
+    if _KEY in session.config.stash:
+        session.config.stash[_KEY].write()
+    controller = not hasattr(session.config, "workerinput")
+    if controller and _silent(session.config) and exitstatus in (0, pytest.ExitCode.NO_TESTS_COLLECTED):
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def _silent(config: pytest.Config) -> list[str]:
+    if config.getoption("collectonly", False) or getattr(config.option, "numprocesses", None):
+        return []  # the processes of pytest-xdist see their tests, this one does not
+    return [name for name, used in config.stash[_REQUIRED].items() if not used]
+
+
+def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
+    """Say which required engines said nothing."""
+    for name in _silent(config):
+        terminalreporter.write_line(f"--require-engine {name}: no test of it has run: absent, or all skipped", red=True)
+
+
+class _Checker:
+    """What the fixture gives."""
+
+    def __init__(self, required: dict[str, bool]) -> None:
+        self._required, self.asked = required, set[str]()
+
+    def check(self, engine: str, model: Any = "fixed", **given: Any) -> Any:
+        """As `trebucheck.check`; an engine that is not installed skips the test, unless it is required."""
+        from ..models.errors import EngineNotInstalledError
+        from .check import check
+
+        self.asked.add(engine.partition("/")[0])
+        try:
+            return check(engine, model, **given)
+        except EngineNotInstalledError as error:
+            if engine.partition("/")[0] in self._required:
+                pytest.fail(f"--require-engine: {error}", pytrace=False)
+            pytest.skip(str(error))
+
+
+@pytest.fixture
+def trebucheck(request: pytest.FixtureRequest) -> _Checker:
+    """`trebucheck.check("mujoco", "fixed", position=1e-6)`: the engine agrees with the reference, or why it does not."""
+    return _Checker(request.config.stash[_REQUIRED])

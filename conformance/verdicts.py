@@ -1,0 +1,76 @@
+"""What a conformance run finds, as data: a verdict for each check, and the file that holds them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from enum import StrEnum
+from typing import Literal
+
+from pydantic import Field
+
+from ..comparisons.runs.results import ResultFile
+from ..models.spec import Real, Spec
+
+FORMAT = "trebucheck-conformance-1"
+
+
+class State(StrEnum):
+    """Of a check; the text is what reports show."""
+
+    KEPT = "kept"
+    BROKEN = "broken"
+    NOT_JUDGED = "not judged"
+    """It was compared, and held against no tolerance: that is no success."""
+    DEVIATES = "known deviation"
+    """It is broken, and the file of deviations says so, with a reason and an owner."""
+    SKIPPED = "skipped"
+
+
+class Verdict(Spec):
+    """On one check of one engine."""
+
+    id: str = Field(description="engine/preset/problem/check")
+    state: State
+    text: str = Field(default="", description="what is wrong, or why it is skipped")
+    subject: str | None = Field(default=None, description="marker, coordinate, stop or joint that is worst")
+    error: Real | None = Field(default=None, description="largest, of the worst subject")
+    unit: str = ""
+    tolerance: Real | None = None
+    source: str = Field(default="", description="where the tolerance comes from")
+    cause: str = Field(default="", description="what accounts for the error, where that is known")
+    wall_time: Real | None = Field(default=None, description="of the engine's run [s]; of the check 'runs' only")
+
+    @property
+    def problem(self) -> str:
+        """Of the id."""
+        return self.id.rsplit("/", 2)[1]
+
+    @property
+    def check(self) -> str:
+        """Of the id."""
+        return self.id.rsplit("/", 1)[1]
+
+    @property
+    def failed(self) -> bool:
+        """Whether it speaks against the engine."""
+        return self.state in (State.BROKEN, State.NOT_JUDGED)
+
+
+class Conformance(ResultFile):
+    """All verdicts on one engine or several."""
+
+    format: Literal["trebucheck-conformance-1"] = FORMAT
+    engines: dict[str, str] = Field(description="version by engine/preset")
+    tier: str
+    verdicts: tuple[Verdict, ...]
+
+    @property
+    def counts(self) -> Counter[State]:
+        """How many verdicts of each state."""
+        return Counter(verdict.state for verdict in self.verdicts)
+
+    @property
+    def passed(self) -> bool:
+        """Nothing fails, and something was kept on a problem."""
+        kept = any(v.state is State.KEPT and v.problem != "interface" for v in self.verdicts)
+        return kept and not any(verdict.failed for verdict in self.verdicts)
