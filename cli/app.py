@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from ..models.errors import SimulationError, TrebucheckError, shortened
-from . import animate, catalogue, certify, data, diff, figures, problems, run, studies, throw
+from . import animate, catalogue, certify, data, diff, figures, plugin, problems, run, studies, throw
 from .output import printable
 
 app = typer.Typer(
@@ -49,6 +49,7 @@ for name, command in {
 }.items():
     app.command(name)(command)
 app.add_typer(catalogue.models_app, name="models")
+app.add_typer(plugin.plugin_app, name="plugin")
 
 
 def _show_version(requested: bool) -> None:

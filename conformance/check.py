@@ -55,6 +55,7 @@ def check(
         InputError: a name, a quantity or a value is not valid.
         EngineNotInstalledError: the engine is not here.
     """
+    __tracebackhide__ = True
     target = Target.of(engine)
     if not engine_class(target.engine).is_installed():
         raise EngineNotInstalledError(f"engine {target.engine!r} is not installed here.")

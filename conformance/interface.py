@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +15,7 @@ from ..comparisons.runs.validity import refuse_invalid
 from ..engines.protocol import Capabilities, Engine
 from ..engines.registry import EngineClass, engine, engine_class
 from ..models.errors import InputError, SimulationError, TrebucheckError, UnsupportedProblemError
-from ..models.problem import Problem, StopLaw
+from ..models.problem import Problem
 from ..models.trajectory import Trajectory
 from .problems import STANDARD, given, missing
 from .verdicts import State
@@ -23,7 +25,7 @@ _SHORT = 200  # steps of a run that is only made to see whether it is made
 _SPAN = 0.1  # [s] of an engine that has no step
 
 
-class _Broken(Exception):
+class _BrokenError(Exception):
     """A check's sentence."""
 
 
@@ -84,7 +86,7 @@ def _found(check: Callable[[_Subject], str], subject: _Subject) -> Found:
     """What a check finds; its text is why it is skipped, if it has one."""
     try:
         skipped = check(subject)
-    except _Broken as error:
+    except _BrokenError as error:
         return State.BROKEN, str(error)
     except TrebucheckError as error:
         return State.BROKEN, str(error)
@@ -94,17 +96,17 @@ def _found(check: Callable[[_Subject], str], subject: _Subject) -> Found:
 
 
 def _describes_itself(s: _Subject) -> str:
-    capabilities: object = s.cls.capabilities
+    capabilities: Any = s.cls.capabilities
     if not isinstance(capabilities, Capabilities):
-        raise _Broken(f"capabilities is a {type(capabilities).__name__}; a trebucheck.Capabilities is needed")
+        raise _BrokenError(f"capabilities is a {type(capabilities).__name__}; a trebucheck.Capabilities is needed")
     if s.cls.name != s.name:
-        raise _Broken(f"the class is called {s.cls.name!r} and announced as {s.name!r}; both must be the same")
-    version: object = s.cls.version()
+        raise _BrokenError(f"the class is called {s.cls.name!r} and announced as {s.name!r}; both must be the same")
+    version: Any = s.cls.version()
     if not isinstance(version, str) or not version:
-        raise _Broken(f"version() gives {version!r}; a text is needed")
+        raise _BrokenError(f"version() gives {version!r}; a text is needed")
     lacking = {"tuned", "stock"} - set(s.cls.presets())
     if lacking:
-        raise _Broken(f"presets() lacks {sorted(lacking)[0]!r}; two names may lead to the same maker")
+        raise _BrokenError(f"presets() lacks {sorted(lacking)[0]!r}; two names may lead to the same maker")
     return ""
 
 
@@ -113,12 +115,12 @@ def _is_made_again(s: _Subject) -> str:
     again = engine(first.name, first.preset, **first.settings)
     if again.settings != first.settings:
         changed = next(k for k in first.settings if again.settings.get(k) != first.settings[k])
-        raise _Broken(
+        raise _BrokenError(
             f"made again from its settings, its {changed} is {again.settings.get(changed)!r} instead of "
             f"{first.settings[changed]!r}"
         )
     if (first.name, first.preset) != (s.name, s.preset):
-        raise _Broken(f"the engine made says that it is {first.name}/{first.preset}, not {s.name}/{s.preset}")
+        raise _BrokenError(f"the engine made says that it is {first.name}/{first.preset}, not {s.name}/{s.preset}")
     return ""
 
 
@@ -130,16 +132,16 @@ def _is_the_same_again(s: _Subject) -> str:
     made = s.made()
     first = s.short(fit[0], made)
     if len(fit) > 1:
-        try:
+        with suppress(TrebucheckError):  # the checks of that problem say it
             s.short(fit[1], made)
-        except TrebucheckError:
-            pass  # the check of that problem will say it
     for label, one, other in _sampled(first, s.short(fit[0], made)):
         if one.shape != other.shape:
-            raise _Broken(f"{fit[0]}: {label} has {other.shape} values in the second run, {one.shape} in the first")
+            raise _BrokenError(
+                f"{fit[0]}: {label} has the shape {other.shape} in a second run, {one.shape} in the first"
+            )
         if not np.array_equal(one, other):
             apart = float(np.abs(one - other).max())
-            raise _Broken(f"{fit[0]}: {label} differs by up to {apart:.3g} between two runs of the same problem")
+            raise _BrokenError(f"{fit[0]}: {label} differs by up to {apart:.3g} between two runs of the same problem")
     return ""
 
 
@@ -166,8 +168,8 @@ def _refuses_the_rest(s: _Subject) -> str:
         except UnsupportedProblemError:
             continue
         except (SimulationError, InputError) as error:
-            raise _Broken(f"{problem}: it fails instead of refusing {lacking[0]}: {error}") from None
-        raise _Broken(f"it moves {problem!r}, which has {lacking[0]}, and does not declare that it can")
+            raise _BrokenError(f"{problem}: it fails instead of refusing {lacking[0]}: {error}") from None
+        raise _BrokenError(f"it moves {problem!r}, which has {lacking[0]}, and does not declare that it can")
     return "" if seen else "it declares everything"
 
 

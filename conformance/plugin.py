@@ -49,8 +49,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Start a session of the suite where one was asked for."""
-    config.stash[_REQUIRED] = {name.partition("/")[0]: False for name in config.getoption("--require-engine")}
-    if not config.getoption("--trebucheck"):
+    required: list[str] = config.getoption("--require-engine") or []
+    engines: list[str] = config.getoption("--trebucheck") or []
+    config.stash[_REQUIRED] = {name.partition("/")[0]: False for name in required}
+    if not engines:
         _refuse_alone(config)
         return
     from ..models.errors import TrebucheckError
@@ -60,9 +62,7 @@ def pytest_configure(config: pytest.Config) -> None:
     options: dict[str, Any] = {name: config.getoption(f"--trebucheck-{name}") for name in names}
     folder = config.invocation_params.dir
     try:
-        session = Session.of(
-            config.getoption("--trebucheck"), options, folder, tuple(config.stash[_REQUIRED])
-        )
+        session = Session.of(engines, options, folder, tuple(config.stash[_REQUIRED]))
     except TrebucheckError as error:
         raise pytest.UsageError(str(error)) from None
     config.stash[_KEY] = session
@@ -88,7 +88,7 @@ class ConformanceItem(pytest.Item):
             if value not in (None, ""):
                 self.user_properties.append((key, value))
         if verdict.failed:
-            raise CheckFailed(f"{verdict.text}\n{verdict.cause}".strip())
+            raise CheckFailedError(f"{verdict.text}\n{verdict.cause}".strip())
         if verdict.state.value == "known deviation":
             pytest.xfail(verdict.text)
         if verdict.state.value == "skipped":
@@ -96,7 +96,7 @@ class ConformanceItem(pytest.Item):
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """The sentence alone, where the check failed."""
-        if isinstance(excinfo.value, CheckFailed):
+        if isinstance(excinfo.value, CheckFailedError):
             return str(excinfo.value)
         return super().repr_failure(excinfo, style)
 
@@ -105,14 +105,14 @@ class ConformanceItem(pytest.Item):
         return self.path, None, self.name
 
 
-class CheckFailed(Exception):
+class CheckFailedError(Exception):
     """A check's sentence."""
 
 
 class ConformanceSuite(pytest.Collector):
     """The checks of all engines asked for."""
 
-    def collect(self) -> Iterator[pytest.Item]:
+    def collect(self) -> Iterator[ConformanceItem]:
         """One item a check."""
         for name in self.config.stash[_KEY].ids:
             yield ConformanceItem.from_parent(self, name=name, nodeid=name)
@@ -128,7 +128,7 @@ def pytest_collection_modifyitems(session: pytest.Session, config: pytest.Config
     if config.pluginmanager.hasplugin("xdist"):  # with --dist loadgroup the checks of one problem stay together
         for item in own:
             item.add_marker(pytest.mark.xdist_group(item.name.rpartition("/")[0]))
-    items.extend(item for item in own if isinstance(item, pytest.Item))
+    items.extend(own)
     session.testscollected = len(items)
 
 
@@ -178,6 +178,7 @@ class _Checker:
 
     def check(self, engine: str, model: Any = "fixed", **given: Any) -> Any:
         """As `trebucheck.check`; an engine that is not installed skips the test, unless it is required."""
+        __tracebackhide__ = True
         from ..models.errors import EngineNotInstalledError
         from .check import check
 
@@ -192,5 +193,5 @@ class _Checker:
 
 @pytest.fixture
 def trebucheck(request: pytest.FixtureRequest) -> _Checker:
-    """`trebucheck.check("mujoco", "fixed", position=1e-6)`: the engine agrees with the reference, or why it does not."""
+    """`trebucheck.check("mujoco", "fixed", position=1e-6)`: an assertion that says why it does not hold."""
     return _Checker(request.config.stash[_REQUIRED])

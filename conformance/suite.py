@@ -14,7 +14,7 @@ from ..comparisons.runs.results import Metric, Outcome, Run
 from ..comparisons.runs.runner import Worker
 from ..comparisons.runs.study import Study
 from ..engines.protocol import Capabilities, Engine
-from ..engines.registry import announce, engine, engine_class
+from ..engines.registry import announce, engine_class
 from ..models.errors import InputError, TrebucheckError
 from . import interface
 from .problems import check_name, given, missing, quantities
@@ -22,7 +22,9 @@ from .verdicts import State, Verdict
 
 INTERFACE = "interface"
 """In the place of a problem's name: checks of the engine's description and of how it answers."""
-_DIAGNOSED = 2  # broken problems of an engine whose cause is looked for: a diagnosis may take ten times as long as a run
+_DIAGNOSED = (
+    2  # broken problems of an engine whose cause is looked for: a diagnosis may take ten times as long as a run
+)
 _HOPELESS = 2  # runs that did not come to an end, after which no further one is begun
 
 
@@ -121,7 +123,8 @@ class Suite:
         checks = {INTERFACE: interface.CHECKS}
         for problem in self.problems:
             metrics = quantities(*given(problem), self.capabilities)
-            checks[problem] = ("runs", "model", *map(check_name, metrics))
+            beyond = missing(*given(problem), self.capabilities)
+            checks[problem] = ("runs",) if beyond else ("runs", "model", *map(check_name, metrics))
         return checks
 
     def _id(self, problem: str, check: str) -> str:

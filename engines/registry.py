@@ -59,12 +59,9 @@ class EngineClass(Protocol):
 
 def engine_names() -> tuple[str, ...]:
     """Every known engine, installed or not, the built-in ones first."""
-    plugins = sorted({*(point.name for point in _entry_points()), *_announced()})
+    points = importlib.metadata.entry_points(group=PLUGIN_GROUP)
+    plugins = sorted({*(point.name for point in points), *_announced()})
     return tuple(_BUILTIN) + tuple(name for name in plugins if name not in _BUILTIN)
-
-
-def _entry_points(**named: str) -> importlib.metadata.EntryPoints:
-    return importlib.metadata.entry_points(group=PLUGIN_GROUP, **named)
 
 
 def _announced() -> dict[str, importlib.metadata.EntryPoint]:
@@ -112,7 +109,10 @@ def engine_class(name: str) -> EngineClass:
     if name in _BUILTIN:
         module, cls = _BUILTIN[name]
         return cast("EngineClass", getattr(importlib.import_module(f".{module}", __package__), cls))
-    for point in (*filter(None, [_announced().get(name)]), *_entry_points(name=name)):
+    for point in (
+        *filter(None, [_announced().get(name)]),
+        *importlib.metadata.entry_points(group=PLUGIN_GROUP, name=name),
+    ):
         return _loaded(point)
     known = engine_names()
     close = get_close_matches(name, known, n=1)

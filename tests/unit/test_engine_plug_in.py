@@ -90,11 +90,11 @@ def test_its_causes_parameters_option_sets_snippets_and_colour_are_its_own() -> 
 
 
 def test_the_documented_examples_are_what_they_say() -> None:
-    text = (ROOM.parents[1] / "docs" / "extending.md").read_text()
+    own, text = ((ROOM.parents[1] / "docs" / f"{page}.md").read_text() for page in ("extending", "plugins"))
     scope: dict[str, Any] = {}
-    mechanism, study = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    (mechanism,), (_, study) = (re.findall(r"```python\n(.*?)```", page, re.DOTALL) for page in (own, text))
     exec(study, scope)
     exec(mechanism.partition("tb.compare(")[0], scope)
     assert isinstance(scope["STUDY"], EngineStudy) and len(scope["quick_return"].loop_joints) == 1
     for field in fields(EngineStudy):
-        assert f"`{field.name}" in text, f"docs/extending.md does not say what {field.name} is"
+        assert f"`{field.name}" in text, f"docs/plugins.md does not say what {field.name} is"

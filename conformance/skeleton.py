@@ -1,0 +1,50 @@
+"""A distribution for a new engine: written once, to be filled in."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+
+from ..engines.registry import engine_names
+from ..models.errors import InputError
+from ..models.files import refuse_unwritable, write_text
+
+_NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
+
+
+def write_skeleton(name: str, folder: Path) -> tuple[Path, ...]:
+    """Write pyproject.toml, package and tests of a plug-in into a new folder.
+
+    Args:
+        name: of the engine: small letters, digits and hyphens.
+
+    Returns:
+        The files.
+
+    Raises:
+        InputError: the name is not valid or taken, the folder exists, or it cannot be written to.
+    """
+    if not _NAME.fullmatch(name) or keyword.iskeyword(name):
+        raise InputError(f"engine {name!r}: a name of small letters, digits and hyphens is needed, e.g. my-engine.")
+    if name in engine_names():
+        raise InputError(f"engine {name!r}: there is one of that name already; another name is needed.")
+    if folder.exists() or folder.is_symlink():
+        raise InputError(f"{folder} exists; a new folder is needed, nothing is written over.")
+    refuse_unwritable(folder)
+    package = f"trebucheck_{name.replace('-', '_')}"
+    words = {"name": name, "package": package, "cls": f"{name.title().replace('-', '')}Engine"}
+    contents = {
+        "pyproject.toml": "pyproject.toml",
+        "README.md": "README.md",
+        f"{package}/__init__.py": "init.py",
+        f"{package}/engine.py": "engine.py",
+        "tests/conftest.py": "conftest.py",
+        f"tests/test_{name.replace('-', '_')}.py": "test.py",
+    }
+    for path, template in contents.items():
+        text = (files(__package__ or "") / "templates" / f"{template}.txt").read_text()
+        write_text(folder / path, Template(text).substitute(words))
+    return tuple(folder / path for path in contents)
