@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
@@ -32,6 +32,7 @@ from .video import WRITERS, refuse_missing, save
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe and Ito's
 _NARROWEST, _WIDEST = 100, 4000  # [px]
+_MOST_HALF = 65504.0  # the largest number of half precision
 _DIGITS = 9  # of coefficients and sizes: more than a float32 has
 
 
@@ -161,7 +162,7 @@ def scene_data(shown: Scene) -> dict[str, Any]:
         "torques": _packed(np.hstack(torques)) if torques else "",
         "joints": [[name, drawing.joints[name]] for name in joints],
         "forces": _packed(np.hstack([reference.joint_reaction(name) for name in joints])) if joints else "",
-        "runs": [_run(run) for run in shown.runs],
+        "runs": [_run(run, stops, joints, len(shown.t)) for run in shown.runs],
         "events": [_event(event) for event in shown.events],
         "magnification": math.log10(shown.magnification),
         "down": drawing.mechanism.gravity_direction,
@@ -193,9 +194,26 @@ def _shape(shape: Shape) -> list[Any]:
     return [shape.kind, shape.role, shape.points, _short(shape.size), path, shape.stop, int(shape.role in MOVING)]
 
 
-def _run(run: RunMotion) -> dict[str, Any]:
-    aside = {name: _packed(values) for name, values in run.aside.items()}
-    return {"name": run.name, "colour": run.colour, "dashed": run.dashed, "d": _packed(run.d), "aside": aside}
+def _run(run: RunMotion, stops: Sequence[str], joints: Sequence[str], frames: int) -> dict[str, Any]:
+    return {
+        "name": run.name,
+        "colour": run.colour,
+        "dashed": run.dashed,
+        "d": _packed(run.d),
+        "aside": {name: _packed(values) for name, values in run.aside.items()},
+        "torques": _told(stops, run.torques, np.full((frames, 1), np.nan)),
+        "forces": _told(joints, run.forces, np.full((frames, 2), np.nan)),
+    }
+
+
+def _told(names: Sequence[str], told: Mapping[str, FloatArray], nothing: FloatArray) -> list[Any] | None:
+    """Forces in half precision, enough to draw them, beside the unit they are in; None if none of them is told."""
+    if not any(name in told for name in names):
+        return None
+    values = np.hstack([told[name].reshape(nothing.shape) if name in told else nothing for name in names])
+    sizes = np.abs(values[np.isfinite(values) & (values != 0)])
+    unit = _short(float(np.median(sizes))) if len(sizes) else 1.0
+    return [unit, _packed(np.clip(values / unit, -_MOST_HALF, _MOST_HALF), "<f2")]
 
 
 def _event(event: Event) -> dict[str, Any]:

@@ -61,6 +61,10 @@ class RunMotion:
     """Of the coordinates, shape (n, n_q) [rad or m]."""
     aside: Mapping[str, FloatArray]
     """Marker's own position less that which its coordinates give, shape (n, 2) [m]; only markers that have it."""
+    torques: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
+    """Of the stops whose torques [N m], or forces [N] on points, the run tells, shape (n,)."""
+    forces: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
+    """On the children of the joints whose forces it tells, shape (n, 2) [N]."""
 
 
 @dataclass(frozen=True)
@@ -264,7 +268,15 @@ def _motion_of(name: str, run: RunLook, states: States, drawing: Drawing, t: Flo
             distance, allowed = (np.linalg.norm(each, axis=1) for each in (beside, own))
             if np.any(distance > np.maximum(_SAME * allowed, _ROUNDING * drawing.size)):
                 aside[marker] = _at(t, trajectory.t[samples], beside)
-    return RunMotion(name, run.colour, run.dashed, _at(t, trajectory.t[samples], d), aside)
+
+    def told(of: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        finite = {name: values[samples] for name, values in of.items() if np.isfinite(values).any()}
+        rows = {name: values.reshape(len(samples), -1) for name, values in finite.items()}
+        return {name: _at(t, trajectory.t[samples], values) for name, values in rows.items()}
+
+    torques = {name: values[:, 0] for name, values in told(trajectory.stop_torques).items()}
+    moved = _at(t, trajectory.t[samples], d)
+    return RunMotion(name, run.colour, run.dashed, moved, aside, torques, told(trajectory.joint_reactions))
 
 
 def _around(samples: FloatArray, t: FloatArray) -> list[int]:

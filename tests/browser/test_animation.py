@@ -107,6 +107,51 @@ def test_live_errors_are_the_data_s(page: Any, index: int) -> None:
             assert float(written) == pytest.approx(expected, rel=6e-3)
 
 
+@pytest.mark.parametrize("index", [0, 2])
+def test_forces_are_those_of_the_solver_that_is_chosen(page: Any, index: int) -> None:
+    shown = SCENES[index]
+    page.evaluate(f"{PLAYER}.choose({index}); {PLAYER}.magnify(1)")
+    for option in ("traces", "names"):
+        page.uncheck(f".animation-{option}")
+    for box in page.locator("tbody input").all():
+        box.uncheck()  # the lines of the solvers have their colours
+    assert page.locator(".animation-solver option").all_inner_texts() == [
+        "reference", "first", "second", "all that are shown"
+    ]  # fmt: skip
+    frame = len(shown.t) // 4
+    page.evaluate(f"{PLAYER}.seek({float(shown.t[frame])!r})")
+    reference = page.evaluate(f"{PLAYER}.forcesOf('reference')")
+    for run, red in zip(shown.runs, (True, False), strict=True):
+        found = page.evaluate(f"{PLAYER}.forcesOf('{run.name}')")
+        assert found["joints"] and found != reference
+        for name, force in found["joints"].items():
+            assert force == pytest.approx(run.forces[name][frame], rel=1e-3, abs=1e-3 * np.abs(run.forces[name]).max())
+        for name, value in found["stops"].items():
+            assert value == pytest.approx(run.torques[name][frame], rel=1e-3, abs=1e-9)
+        page.select_option(".animation-solver", run.name)
+        assert page.is_checked(".animation-forces")
+        assert (_count(page, (0xD0, 0, 0)) > 20, _count(page, (0, 0, 0xD0)) > 20) == (red, not red)
+    page.locator("tbody input").nth(1).check()
+    page.select_option(".animation-solver", "reference")
+    lines = _count(page, (0xD0, 0, 0))
+    page.select_option(".animation-solver", "*")
+    assert _count(page, (0xD0, 0, 0)) > lines
+
+
+def _count(page: Any, colour: tuple[int, int, int]) -> int:
+    """Pixels of a colour."""
+    return page.evaluate(
+        """colour => {
+          const canvas = document.querySelector('canvas');
+          const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+          let count = 0;
+          for (let i = 0; i < data.length; i += 4) count += colour.every((value, k) => data[i + k] === value);
+          return count;
+        }""",
+        list(colour),
+    )
+
+
 def test_play_scrub_keys_and_events_move_the_drawing(page: Any) -> None:
     picture = "document.querySelector('canvas').toDataURL()"
     before = page.evaluate(picture)

@@ -110,6 +110,26 @@ def test_deviations_are_the_run_s_own_at_its_own_times() -> None:
     np.testing.assert_allclose(found, _beside(at[np.isin(at, coarse.t)]), rtol=1e-9, atol=1e-13)
 
 
+def test_forces_of_runs_are_their_own_and_those_not_told_are_none() -> None:
+    own = _run()
+    silent = dataclasses.replace(own, stop_torques={}, joint_reactions={"fulcrum": own.joint_reaction("fulcrum")})
+    looks = {name: RunLook(each, "#000000") for name, each in (("own", own), ("silent", silent))}
+    shown = scene(_solution().trajectory, looks, end=END)
+    data = scene_data(shown)
+    stops, joints = ([name for name, *_ in data[key]] for key in ("stops", "joints"))
+    at = _solution(1e-5).trajectory(shown.t)
+    # linear between samples of 1 ms, and half precision; at a release a sample is before or behind it
+    calm = np.min([np.abs(shown.t - time) for time in at.release_times.values() if time is not None], axis=0) > 2e-3
+    unit, text = data["runs"][0]["torques"]
+    torques = unit * _unpacked(text, "<f2").reshape(len(shown.t), len(stops)).astype(float)
+    for name, column in zip(stops, torques.T, strict=True):
+        np.testing.assert_allclose(column[calm], at.stop_torque(name)[calm], rtol=2e-3, atol=1e-3 * unit)
+    unit, text = data["runs"][1]["forces"]
+    forces = unit * _unpacked(text, "<f2").reshape(len(shown.t), len(joints), 2).astype(float)
+    np.testing.assert_allclose(forces[calm, 0], at.joint_reaction("fulcrum")[calm], rtol=2e-3, atol=1e-2 * unit)
+    assert joints[0] == "fulcrum" and np.isnan(forces[:, 1:]).all() and data["runs"][1]["torques"] is None
+
+
 def test_a_deviation_of_a_picometre_keeps_its_digits() -> None:
     t = np.linspace(0.0, END, 301)
     reference = _solution().trajectory(t)

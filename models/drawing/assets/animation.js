@@ -10,6 +10,11 @@
     for (let i = 0; i < raw.length; i++) bytes[i] = raw.charCodeAt(i);
     return new Kind(bytes.buffer);
   };
+  /* Numbers of half precision, which not every browser unpacks itself, times their unit. */
+  const halves = (packed) => packed && Float32Array.from(unpack(packed[1], Uint16Array), (bits) => {
+    const power = (bits >> 10) & 31, part = bits & 1023;
+    return (bits & 0x8000 ? -1 : 1) * packed[0] * (power === 31 ? NaN : power ? (1 + part / 1024) * 2 ** (power - 15) : part * 2 ** -24);
+  });
   const digits = (value) => Number.isFinite(value) ? value === 0 ? "0" : value.toExponential(2) : "–";
   const withUnit = (value, unit) => {
     const [prefix, power] = value >= 1e6 ? ["M", 1e6] : value >= 1e3 ? ["k", 1e3] : value >= 1 ? ["", 1] : value >= 1e-3 ? ["m", 1e-3] : ["µ", 1e-6];
@@ -25,7 +30,7 @@
     constructor(data) {
       Object.assign(this, { data, t: unpack(data.t, Float64Array), q: unpack(data.q, Float32Array), u: unpack(data.u, Float32Array), n: data.points.length });
       this.end = this.t[this.t.length - 1];
-      this.runs = data.runs.map((run) => ({ ...run, d: unpack(run.d, Float32Array), own: Object.entries(run.aside).map(([name, text]) => [data.markers[name], unpack(text, Float32Array)]) }));
+      this.runs = data.runs.map((run) => ({ ...run, d: unpack(run.d, Float32Array), torques: halves(run.torques), forces: halves(run.forces), own: Object.entries(run.aside).map(([name, text]) => [data.markers[name], unpack(text, Float32Array)]) }));
       this.torques = unpack(data.torques, Float32Array);
       this.forces = unpack(data.forces, Float32Array);
       this.marked = data.compared;
@@ -132,6 +137,13 @@
       let most = 0;
       for (const p of this.marked) most = Math.max(most, Math.hypot(deviations[2 * p], deviations[2 * p + 1]));
       return most;
+    }
+    /* Forces on joints' children and of stops, of the reference (run undefined) or of a run; NaN where it does not tell them. */
+    loads(run, at) {
+      const { data } = this, { forces, torques } = run || this, read = (values, width, k) => values && values.length ? this.between(values, width, k, at) : NaN;
+      const joints = data.joints.map(([name, point], j) => ({ name, point, force: [0, 1].map((axis) => read(forces, 2 * data.joints.length, 2 * j + axis)) }));
+      const stops = data.stops.map(([name, point, along, unit, sense], s) => ({ name, point, along, unit, sense, value: read(torques, data.stops.length, s) }));
+      return { joints, stops };
     }
     /* Largest force and torque but for poles: of all frames the 98th percentile of their largest. */
     get scales() {
@@ -282,7 +294,7 @@
     constructor(root) {
       this.root = root;
       const find = (name) => root.querySelector(name);
-      Object.assign(this, { canvas: find("canvas"), bar: find(".animation-bar input"), ticks: find(".animation-ticks"), clock: find(".animation-clock"), magnify: find(".animation-magnify input"), factor: find(".animation-magnify output"), speed: find(".animation-speed"), rows: find("tbody"), button: find(".animation-play") });
+      Object.assign(this, { canvas: find("canvas"), bar: find(".animation-bar input"), ticks: find(".animation-ticks"), clock: find(".animation-clock"), magnify: find(".animation-magnify input"), factor: find(".animation-magnify output"), speed: find(".animation-speed"), solver: find(".animation-solver"), rows: find("tbody"), button: find(".animation-play") });
       this.pencil = new Pencil(this.canvas);
       this.scenes = JSON.parse(find("script").textContent);
       this.motions = [];
@@ -296,6 +308,7 @@
       this.magnify.addEventListener("input", () => this.draw());
       this.button.addEventListener("click", () => this.toggle());
       for (const name of ["traces", "forces", "names"]) find(`.animation-${name}`).addEventListener("change", () => this.draw());
+      this.solver.addEventListener("change", () => { find(".animation-forces").checked = true; this.draw(); });
       for (const button of this.root.querySelectorAll("[data-scene]")) button.addEventListener("click", () => this.choose(+button.dataset.scene));
       this.root.addEventListener("keydown", (event) => this.key(event));
       new ResizeObserver(() => { if (this.canvas.clientWidth !== this.pencil.width) this.resize(); }).observe(this.canvas);
@@ -328,6 +341,7 @@
       this.magnify.closest("label").hidden = root.querySelector(".animation-runs").hidden = !this.motion.runs.length;
       this.shown = new Map([[undefined, true], ...this.motion.runs.map((run) => [run, true])]);
       this.list();
+      this.solvers();
       this.speeds();
       this.table();
       this.touched = false;
@@ -347,6 +361,16 @@
         row.querySelector("input").addEventListener("change", (event) => { this.shown.set(run, event.target.checked); this.draw(); });
         return row;
       }));
+    }
+    /* Whose forces can be drawn: those of the reference, and of every run that tells some. */
+    solvers() {
+      const telling = this.motion.runs.filter((run) => run.forces || run.torques);
+      this.solver.replaceChildren(new Option("reference", ""), ...telling.map((run) => new Option(run.name, run.name)), new Option("all that are shown", "*"));
+      this.solver.closest("label").hidden = !telling.length;
+    }
+    get telling() {
+      const { value } = this.solver;
+      return value === "*" ? [...this.shown].filter(([, shown]) => shown).map(([run]) => run) : [this.runNamed(value || null)];
     }
     speeds() {
       const all = [];
@@ -481,21 +505,32 @@
         });
       }
     }
-    drawForces(at, xy) {
-      const { motion, pencil, colours } = this, { data, scales } = motion, longest = 0.17 * Math.min(pencil.width, pencil.height), colour = colours.force;
-      const arrow = (p, u, v) => {
-        const k = longest / scales.force, x = pencil.x(xy[2 * p]), y = pencil.y(xy[2 * p + 1]), length = Math.hypot(u, v) * k, cut = Math.min(1, 3 * longest / (length || 1));
+    drawForces(at, reference) {
+      const { motion, colours } = this;
+      for (const run of this.telling) {
+        const xy = run ? this.runPoints(run, at, reference)[1] : reference;
+        if (Number.isFinite(xy[0])) this.drawLoads(motion.loads(run, at), xy, run ? run.colour : colours.force);
+      }
+      this.drawScales();
+    }
+    drawLoads({ joints, stops }, xy, colour) {
+      const { pencil, motion: { scales } } = this, k = this.longest / scales.force;
+      const arrow = (p, [u, v]) => {
+        const x = pencil.x(xy[2 * p]), y = pencil.y(xy[2 * p + 1]), length = Math.hypot(u, v) * k, cut = Math.min(1, 3 * this.longest / (length || 1));
         pencil.arrow(x, y, x + u * k * cut, y - v * k * cut, 9, colour, 2);
       };
-      data.joints.forEach(([, p], j) => { const width = 2 * data.joints.length; arrow(p, motion.between(motion.forces, width, 2 * j, at), motion.between(motion.forces, width, 2 * j + 1, at)); });
-      data.stops.forEach(([, p, along, unit, sense], s) => {
-        const value = motion.between(motion.torques, data.stops.length, s, at);
-        if (!value) return;
-        if (unit === "N") { const u = xy[2 * along] - xy[2 * p], v = xy[2 * along + 1] - xy[2 * p + 1], length = Math.hypot(u, v); arrow(p, value * u / length, value * v / length); } else pencil.turn(pencil.x(xy[2 * p]), pencil.y(xy[2 * p + 1]), 20, Math.max(-5.8, Math.min(5.8, sense * value / scales.torque * 4.7)), colour, 2.5);
-      });
+      for (const { point, force } of joints) arrow(point, force);
+      for (const { point: p, along, unit, sense, value } of stops) {
+        if (!value) continue; // nor where it is not told
+        if (unit === "N") { const u = xy[2 * along] - xy[2 * p], v = xy[2 * along + 1] - xy[2 * p + 1], length = Math.hypot(u, v); arrow(p, [value * u / length, value * v / length]); } else pencil.turn(pencil.x(xy[2 * p]), pencil.y(xy[2 * p + 1]), 20, Math.max(-5.8, Math.min(5.8, sense * value / scales.torque * 4.7)), colour, 2.5);
+      }
+    }
+    get longest() { return 0.17 * Math.min(this.pencil.width, this.pencil.height); }
+    drawScales() {
+      const { pencil, colours, motion: { scales } } = this, colour = colours.force;
       let y = pencil.height - 12;
       if (scales.torque) { const value = rounded(scales.torque); pencil.turn(24, y - 6, 9, value / scales.torque * 4.7, colour, 2); pencil.text(withUnit(value, "N m"), 42, y, colours.ink, colours.surface); y -= 26; }
-      if (scales.force) { const value = rounded(scales.force), length = value * longest / scales.force; pencil.arrow(10, y - 4, 10 + length, y - 4, 9, colour, 2); pencil.text(withUnit(value, "N"), 18 + length, y, colours.ink, colours.surface); }
+      if (scales.force) { const value = rounded(scales.force), length = value * this.longest / scales.force; pencil.arrow(10, y - 4, 10 + length, y - 4, 9, colour, 2); pencil.text(withUnit(value, "N"), 18 + length, y, colours.ink, colours.surface); }
     }
     drawNames(xy) {
       const { pencil, colours } = this, { markers } = this.motion.data;
@@ -526,6 +561,9 @@
         pixelOf: (marker, run) => { const [x, y] = player.position(marker, run, true); return [player.pencil.x(x), player.pencil.y(y)]; },
         /* Metres, deviations as they are. */
         dataOf: (marker, run) => player.position(marker, run, false),
+        /* Whose forces are drawn, and those of a solver: [N] by joint, [N m, or N on points] by stop. */
+        forces: (name) => { player.solver.value = name; player.solver.dispatchEvent(new Event("change")); },
+        forcesOf: (run) => { const { joints, stops } = player.motion.loads(player.runNamed(run), player.motion.locate(player.time)); return { joints: Object.fromEntries(joints.map((each) => [each.name, each.force])), stops: Object.fromEntries(stops.map((each) => [each.name, each.value])) }; },
         errorOf: (run) => player.motion.error(player.motion.deviations(player.runNamed(run), player.motion.locate(player.time))),
       };
     }
