@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -43,6 +43,10 @@ def animate_command(
     trajectories: _From = None,
     magnify: _Magnify = None,
     width: Annotated[int, typer.Option("--width", help="Of the picture (px).")] = 640,
+    at: Annotated[
+        str | None,
+        typer.Option("--at", metavar="TIMES", help="Instant of a still picture, .svg (s); several in one: 0,1.2,2."),
+    ] = None,
     timestep: options.Timestep = None,
     duration: options.Duration = None,
     until: options.Until = None,
@@ -52,7 +56,7 @@ def animate_command(
     timeout: options.Timeout = 600.0,
     out: Annotated[Path, options.out("File to write: .gif, .mp4, .svg or .html.")] = Path("motion.html"),
 ) -> None:
-    """Write the motion of a machine: a page to play it in, a GIF or MP4, or one picture of it all (SVG).
+    """Write the motion of a machine: a page to play it in, or a GIF, MP4 or SVG that plays by itself.
 
     The reference is drawn from the machine's description; runs of engines are drawn over it in their colours, their
     deviations magnified.
@@ -63,13 +67,16 @@ def animate_command(
     trebucheck animate fixed --engines mujoco,pymunk --magnify 100 --out fixed.html
 
     trebucheck animate --from report --out report.html
+
+    trebucheck animate fixed --at 0,1.5,2.74 --out fixed.svg
     """
     from ..comparisons.runs.runner import Worker
     from ..comparisons.runs.study import Study, one_end
     from ..models.drawing.animation import Animation, refuse_other_files
     from ..models.drawing.scene import refuse_magnification
 
-    refuse_other_files(out, width)
+    instants = [] if at is None else [options.number(text, "--at") for text in options.names(at, "--at")]
+    refuse_other_files(out, width, instants)
     refuse_magnification(magnify)
     end = one_end(duration, until)
     with Worker(options.positive(timeout, "--timeout")) as worker:
@@ -78,19 +85,23 @@ def animate_command(
         else:
             given = options.given(model or "fixed", assignments, beam)
             named = options.chosen_names(engines, "--engines") or []
-            steps: dict[str, Any] = {} if timestep is None else {"timestep": timestep}
-            study = Study(
-                given, named, options.names(preset, "--preset"), options=steps, stop_law=stop_law, until=end,
-                timeout=timeout,
-            )  # fmt: skip
-            if len(study.mechanisms) > 1 and out.suffix.lower() != ".html":
-                raise InputError(
-                    f"{out} can show one machine, not {len(study.mechanisms)}; a page (.html) shows several."
-                )
+            presets, steps = options.names(preset, "--preset"), options.engine_options(None, timestep)
+            study = Study(given, named, presets, options=steps, stop_law=stop_law, until=end, timeout=timeout)
+            _refuse_several(study, out)
             scenes = [_from_runs(study, mechanism, worker, magnify) for mechanism in study.mechanisms]
     title = ", ".join(scene.mechanism_title for scene in scenes)
-    Animation(scenes, f"{title}: the motion").save(out, width)
+    Animation(scenes, f"{title}: the motion").save(out, width, instants)
     typer.echo(f"Wrote {output.printable(str(out))}")
+
+
+def _refuse_several(study: Study, out: Path) -> None:
+    """Before anything runs.
+
+    Raises:
+        InputError: there are several machines, and the file is no page.
+    """
+    if len(study.mechanisms) > 1 and out.suffix.lower() != ".html":
+        raise InputError(f"{out} can show one machine, not {len(study.mechanisms)}; a page (.html) shows several.")
 
 
 def _from_runs(study: Study, mechanism: Mechanism, worker: Worker, magnify: float | None) -> Scene:

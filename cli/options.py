@@ -206,14 +206,19 @@ def parameters(texts: list[str] | None, beam: float | None) -> Chosen:
     Raises:
         InputError: a value is not a number.
     """
-    return Chosen({name: _number(name, value) for name, value in assignments(texts, "--set").items()}, beam)
+    return Chosen({name: number(value, f"--set {name} =") for name, value in assignments(texts, "--set").items()}, beam)
 
 
-def _number(name: str, text: str) -> float:
+def number(text: str, what: str) -> float:
+    """A number.
+
+    Raises:
+        InputError: the text is none.
+    """
     try:
         return float(text)
     except ValueError:
-        raise InputError(f"--set {name} = {text!r} is not a number.") from None
+        raise InputError(f"{what} {text!r} is not a number.") from None
 
 
 def given(text: str, texts: list[str] | None, beam: float | None) -> list[Mechanism | Problem]:

@@ -36,11 +36,12 @@ _MOST_HALF = 65504.0  # the largest number of half precision
 _DIGITS = 9  # of coefficients and sizes: more than a float32 has
 
 
-def refuse_other_files(path: Path, width: int) -> None:
+def refuse_other_files(path: Path, width: int, at: Sequence[float] = ()) -> None:
     """Refuse, before anything is computed, a file that no animation can be written to.
 
     Raises:
-        InputError: its ending is not known, what it needs is not installed, or the picture's width [px] is not valid.
+        InputError: its ending is not known, what it needs is not installed, the picture's width [px] is not valid, or
+            instants [s] are chosen for what is no still picture.
         UnwritableError: its folder cannot be written to.
     """
     ending = path.suffix.lower()
@@ -48,6 +49,8 @@ def refuse_other_files(path: Path, width: int) -> None:
         raise InputError(f"{str(path)!r} must end in one of: {', '.join(WRITERS)}, .html.")
     if not _NARROWEST <= width <= _WIDEST:
         raise InputError(f"width = {width!r} px must be between {_NARROWEST} and {_WIDEST}.")
+    if at and ending != ".svg":
+        raise InputError(f"instants are chosen for a still picture (.svg), and {str(path)!r} is none.")
     refuse_missing(ending)
     refuse_unwritable(path.parent, path.name)
 
@@ -68,26 +71,32 @@ class Animation:
         """A page of its own."""
         return _template("page.html.j2").render(animation=self, fragment=self.fragment(), assets=assets())
 
-    def save(self, path: str | Path, width: int = 640) -> None:
-        """Write it: by its ending as GIF, MP4 (both play), SVG (the whole motion in one picture) or HTML.
+    def save(self, path: str | Path, width: int = 640, at: float | Sequence[float] = ()) -> None:
+        """Write it: by its ending as GIF, MP4, SVG (all of which play by themselves) or HTML.
 
         Args:
             path: ends in .gif, .mp4, .svg or .html; only a page holds several mechanisms.
             width: of the picture [px].
+            at: instant [s] of a still picture (.svg); several in one picture, the earlier fainter; else the motion.
 
         Raises:
-            InputError: the ending is not known, what it needs is not installed, the width is not valid, or there are
-                several mechanisms.
+            InputError: the ending is not known, what it needs is not installed, the width is not valid, there are
+                several mechanisms, or an instant is not within the motion or the file no still picture.
             UnwritableError: the folder cannot be written to.
         """
         path = Path(path)
-        refuse_other_files(path, width)
+        instants = (float(at),) if isinstance(at, int | float) else tuple(map(float, at))
+        refuse_other_files(path, width, instants)
         if path.suffix.lower() == ".html":
             write_text(path, self.to_html())
             return
         if len(self.scenes) != 1:
             raise InputError(f"{path} can show one mechanism, not {len(self.scenes)}; a page (.html) shows several.")
-        save(self.scenes[0], path, width=width)
+        end = float(self.scenes[0].t[-1])
+        for time in instants:
+            if not 0 <= time <= end:
+                raise InputError(f"at = {time!r} s is not within the motion, 0 to {end:.6g} s.")
+        save(self.scenes[0], path, width, instants)
 
     def __repr__(self) -> str:
         names = ", ".join(f"{each.name} ({len(each.runs)} runs)" for each in self.scenes)

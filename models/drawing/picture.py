@@ -103,13 +103,14 @@ class Picture:
         """All marks of an instant [s]."""
         marks: list[Mark] = [*(self.traces(time) if traces else ()), *self.reference(time)]
         for k, run in enumerate(self.scene.runs):
-            marks += self.run(run, time, self._thinner(k))
+            marks += self.run(run, time, self.thinner(k))
         marks += self.names(time) if names else ()
-        return [*marks, *self.legend(f"t = {time:.{self._places}f} s")]
+        return [*marks, *self.legend(self.clock(time))]
 
-    @property
-    def _places(self) -> int:
-        return min(max(3 - math.floor(math.log10(self.scene.t[-1])), 0), 6)
+    def clock(self, time: float) -> str:
+        """An instant [s], in words."""
+        places = min(max(3 - math.floor(math.log10(self.scene.t[-1])), 0), 6)
+        return f"t = {time:.{places}f} s"
 
     def points(self, time: float, run: RunMotion | None = None) -> ComplexArray:
         """Positions of all points [m], of a run with its deviations magnified."""
@@ -142,7 +143,7 @@ class Picture:
                     else:
                         yield Stroke(self._px(own), run.colour, width, radius=radius, dashed=run.dashed)
 
-    def _thinner(self, k: int) -> float:
+    def thinner(self, k: int) -> float:
         """Lines of later runs are thinner, so that of lines that coincide each is seen."""
         return 1.6 + 1.1 * min(len(self.scene.runs) - 1 - k, 7)
 

@@ -34,6 +34,10 @@ _SAME_TIME = 1e-9  # parts of the end
 _WIDER, _MARGIN = 0.15, 0.03  # of the size: by how much runs widen the view at most, and what is left beside them
 _ROUNDING = 1e-14  # of the size, below which a deviation is rounding
 
+_SECONDS = 6.0  # of a motion, as files show it
+_SLOWED, _CLOSE = 3.0, 0.02  # slow motion there: how much, and within which part of the end about an event
+HOLD = 1.2
+"""How long files show the last picture [s]."""
 _MOST = 1e8  # times that a deviation is magnified
 
 States = Callable[[FloatArray], Trajectory]
@@ -328,3 +332,15 @@ def resampled(trajectory: Trajectory) -> States:
         )  # fmt: skip
 
     return at
+
+
+def play_times(scene: Scene, rate: float) -> list[float]:
+    """Instants of the motion [s] that are shown at a constant rate [1/s]: about events they are closer."""
+    end, events = float(scene.t[-1]), [event.time for event in scene.events]
+    times, time = [0.0], 0.0
+    while time < end:
+        nearest = min((abs(event - time) for event in events), default=np.inf) / (_CLOSE * end)
+        slower = 1.0 + (_SLOWED - 1.0) * float(np.clip(2.0 - nearest, 0.0, 1.0))
+        time = min(time + end / _SECONDS / rate / slower, end)
+        times.append(time)
+    return times

@@ -1,4 +1,4 @@
-"""Animations and pictures as files: GIF, MP4 and SVG, of the same drawing as in pages."""
+"""Animations as files: GIF, MP4 and SVG, of the same drawing as in pages."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ import cmath
 import io
 import math
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +18,10 @@ from PIL import Image, ImageColor, ImageDraw, ImageFont
 from ..arrays import ComplexArray
 from ..errors import InputError
 from ..files import write_bytes
+from . import vector
 from .picture import PALETTE, Label, Mark, Picture, Stroke
-from .scene import Scene
+from .scene import HOLD, Scene, play_times
 
-_SECONDS = 6.0  # of a motion, as it is shown
-_SLOWED, _NEAR = 3.0, 0.02  # slow motion: how much, and within which part of the end about an event
-_HOLD = 1.2  # [s] the last picture stays
 _SAMPLES = 2  # pixels that are drawn in each direction for one of the picture
 _COLOURS = 96  # of a GIF, beside its background
 _DASH = (7.0, 5.0)  # [px]
@@ -36,34 +33,21 @@ def refuse_missing(ending: str) -> None:
         _ffmpeg()
 
 
-def save(scene: Scene, path: Path, width: int) -> None:
-    """Write an animation, or a picture (SVG), by the ending of the file's name, with deviations as the scene says.
+def save(scene: Scene, path: Path, width: int, at: Sequence[float] = ()) -> None:
+    """Write an animation by the ending of the file's name, with deviations as the scene says.
 
     Args:
         scene: what is shown.
         path: ends in one of :data:`WRITERS`.
         width: of the picture [px].
+        at: instants [s] of a still picture (SVG); none: the motion.
 
     Raises:
         UnwritableError: the folder cannot be written to.
     """
     picture = Picture(scene, 2 * (width // 2), scene.magnification)
-    write_bytes(path, WRITERS[path.suffix.lower()](picture))
-
-
-# --- Time -------------------------------------------------------------------------------------------------------------
-
-
-def play_times(scene: Scene, rate: float) -> list[float]:
-    """Instants of the motion [s] that are shown at a constant rate [1/s]: about events they are closer."""
-    end, events = float(scene.t[-1]), [event.time for event in scene.events]
-    times, time = [0.0], 0.0
-    while time < end:
-        nearest = min((abs(event - time) for event in events), default=np.inf) / (_NEAR * end)
-        slower = 1.0 + (_SLOWED - 1.0) * float(np.clip(2.0 - nearest, 0.0, 1.0))
-        time = min(time + end / _SECONDS / rate / slower, end)
-        times.append(time)
-    return times
+    content = vector.still(picture, at).encode() if at else WRITERS[path.suffix.lower()](picture)
+    write_bytes(path, content)
 
 
 def _frames(picture: Picture, rate: float) -> Iterator[Image.Image]:
@@ -78,7 +62,7 @@ def _gif(picture: Picture, rate: float = 18.0) -> bytes:
     frames = list(_frames(picture, rate))
     palette = frames[-1].quantize(_COLOURS, dither=Image.Dither.NONE)
     images = [_indexed(frame, palette) for frame in frames]
-    durations = [round(1e3 / rate)] * (len(images) - 1) + [round(1e3 * _HOLD)]
+    durations = [round(1e3 / rate)] * (len(images) - 1) + [round(1e3 * HOLD)]
     buffer = io.BytesIO()
     images[0].save(buffer, "gif", save_all=True, append_images=images[1:], duration=durations, loop=0, optimize=True)
     return buffer.getvalue()
@@ -104,7 +88,7 @@ def _mp4(picture: Picture, rate: float = 30.0) -> bytes:
         for image in _frames(picture, rate):
             frame = image.tobytes()
             writer.send(frame)
-        for _ in range(round(_HOLD * rate)):
+        for _ in range(round(HOLD * rate)):
             writer.send(frame)
         writer.close()
         return path.read_bytes()
@@ -119,61 +103,11 @@ def _ffmpeg() -> Any:
 
 
 def _svg(picture: Picture) -> bytes:
-    """A stroboscope: the mechanism at the start, at events and at the end, with the traces of its markers."""
-    return svg(strobe(picture), picture.width, picture.height, picture.scene.mechanism_title).encode()
+    return vector.moving(picture).encode()
 
 
 WRITERS: dict[str, Callable[[Picture], bytes]] = {".gif": _gif, ".mp4": _mp4, ".svg": _svg}
 """By the ending of a file's name."""
-
-
-# --- Vectors ----------------------------------------------------------------------------------------------------------
-
-
-def strobe(picture: Picture) -> list[Mark]:
-    """Marks of the whole motion at once; earlier instants are fainter."""
-    scene = picture.scene
-    end = float(scene.t[-1])
-    times = sorted({0.0, *(event.time for event in scene.events[:4] if event.time < 0.98 * end)})
-    if len(times) < 3:
-        times = sorted({*times, end / 3, 2 * end / 3})
-    marks: list[Mark] = list(picture.traces(end))
-    for k, time in enumerate(times):
-        marks += picture.reference(time, 0.25 + 0.2 * k / len(times))
-    marks += [*picture.reference(end)]
-    marks += [stroke for run in scene.runs for stroke in picture.run(run, end)]
-    return [*marks, *picture.names(end), *picture.legend(f"0 to {end:.4g} s")]
-
-
-def svg(marks: list[Mark], width: int, height: int, title: str) -> str:
-    """Marks as an SVG file."""
-    body = "\n".join(_svg_label(mark) if isinstance(mark, Label) else _svg_stroke(mark) for mark in marks)
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" '
-        f'role="img" font-family="system-ui, sans-serif"><title>{escape(title)}</title>\n'
-        f'<rect width="{width}" height="{height}" fill="{PALETTE["surface"]}"/>\n{body}\n</svg>\n'
-    )
-
-
-def _svg_stroke(stroke: Stroke) -> str:
-    look = f'fill="{stroke.fill or "none"}"'
-    if stroke.line:
-        look += f' stroke="{stroke.line}" stroke-width="{stroke.width:.3g}" stroke-linejoin="round"'
-        look += ' stroke-dasharray="7 5"' if stroke.dashed else ' stroke-linecap="round"'
-    if stroke.opacity < 1:
-        look += f' opacity="{stroke.opacity:.2g}"'
-    if stroke.radius:
-        at = complex(stroke.points[0])
-        return f'<circle cx="{at.real:.2f}" cy="{at.imag:.2f}" r="{stroke.radius:.2f}" {look}/>'
-    points = " ".join(f"{z.real:.2f},{z.imag:.2f}" for z in stroke.points)
-    return f'<polyline points="{points}" {look}/>'
-
-
-def _svg_label(label: Label) -> str:
-    return (
-        f'<text x="{label.x:.1f}" y="{label.y:.1f}" font-size="{label.size:g}" fill="{label.colour}" '
-        f'stroke="{PALETTE["surface"]}" stroke-width="3" paint-order="stroke">{escape(label.text)}</text>'
-    )
 
 
 # --- Pixels -----------------------------------------------------------------------------------------------------------

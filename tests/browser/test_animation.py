@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from mechanisms import everything, fixed, hanging_bob
+from trebucheck.models.drawing import vector
 from trebucheck.models.drawing.animation import Animation
-from trebucheck.models.drawing.scene import RunLook, Scene, scene
+from trebucheck.models.drawing.picture import Picture
+from trebucheck.models.drawing.scene import HOLD, RunLook, Scene, play_times, scene
 from trebucheck.reference.solver import solve
 
 pytestmark = pytest.mark.slow
@@ -25,6 +27,7 @@ CanvasRenderingContext2D.prototype.arc = function (x, y, ...rest) {
   arc.call(this, x, y, ...rest);
 };
 """
+_DRAWN = "c.cx.animVal.value, c.cy.animVal.value"
 PLAYER = "document.querySelector('section.animation').trebucheck"
 
 
@@ -177,3 +180,29 @@ def test_nothing_leaves_the_screen(page: Any, width: int) -> None:
     page.set_viewport_size({"width": width, "height": 800})
     page.locator("details").first.evaluate("details => { details.open = true; }")
     assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_an_svg_plays_in_a_browser(browser: Any, tmp_path: Path) -> None:
+    shown = SCENES[0]
+    Animation((shown,)).save(tmp_path / "motion.svg")
+    picture = Picture(shown, 640, shown.magnification)
+    times = play_times(shown, vector._RATE)
+    page = browser.new_page(viewport={"width": 700, "height": 700})
+    page.goto((tmp_path / "motion.svg").as_uri())
+    length = (len(times) + round(HOLD * vector._RATE)) / vector._RATE
+    for share in (0.0, 0.4, 0.75):
+        page.evaluate("document.documentElement.pauseAnimations()")
+        page.evaluate("time => document.documentElement.setCurrentTime(time)", share * length)
+        place = share * (len(times) + round(HOLD * vector._RATE) - 1)
+        points = [picture._px(picture.points(times[k])) for k in (int(place), int(place) + 1)]
+        part = place - int(place)
+        for marker in ("counterweight", "projectile"):
+            index = shown.drawing.markers[marker]
+            expected = (1 - part) * points[0][index] + part * points[1][index]
+            drawn = page.evaluate(f"Array.from(document.querySelectorAll('circle'), c => [{_DRAWN}])")
+            assert min(abs(complex(*each) - expected) for each in drawn) < 0.05
+        texts = "Array.from(document.querySelectorAll('text')).filter(t => +getComputedStyle(t).opacity)"
+        clocks = page.evaluate(f"{texts}.map(t => t.textContent)")
+        (clock,) = (text for text in clocks if text.startswith("t = "))
+        assert abs(float(clock.split()[2]) - times[int(place)]) <= times[int(place) + 1] - times[int(place)] + 1e-3
+    page.close()

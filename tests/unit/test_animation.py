@@ -21,7 +21,7 @@ from trebucheck.__main__ import main
 from trebucheck.comparisons.report import html, markdown
 from trebucheck.comparisons.report.document import Animation as AnimationBlock
 from trebucheck.comparisons.report.document import Document, Heading
-from trebucheck.models.drawing import animation, video
+from trebucheck.models.drawing import animation, vector, video
 from trebucheck.models.drawing.animation import Animation, scene_data
 from trebucheck.models.drawing.picture import PALETTE, Picture
 from trebucheck.models.drawing.scene import RunLook, Scene, resampled, scene
@@ -30,6 +30,7 @@ from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
 END = 2.76
+SVG = "{http://www.w3.org/2000/svg}"
 
 
 @cache
@@ -267,7 +268,8 @@ def test_an_mp4_without_its_package_is_refused_at_once(tmp_path: Path, monkeypat
 
 
 def test_a_stroboscope_shows_start_events_and_end(tmp_path: Path) -> None:
-    Animation((_scene(),)).save(tmp_path / "motion.svg")
+    releases = [event.time for event in _scene().events if event.kind == "release"]
+    Animation((_scene(),)).save(tmp_path / "motion.svg", at=[0.0, *releases, END])
     root = ET.fromstring((tmp_path / "motion.svg").read_text())
     picture = Picture(_scene(), 640, _scene().magnification)
     width, height = (float(root.attrib[name]) for name in ("width", "height"))
@@ -276,6 +278,60 @@ def test_a_stroboscope_shows_start_events_and_end(tmp_path: Path) -> None:
     assert len(circles) == 2 * 4  # counterweight and projectile: at the start, at both releases, at the end
     end = picture._px(picture.points(END))[_scene().drawing.markers["counterweight"]]
     assert any(abs(complex(float(c.get("cx", 0)), float(c.get("cy", 0))) - end) < 0.02 for c in circles)
+
+
+def test_a_still_picture_is_of_its_instant(tmp_path: Path) -> None:
+    Animation((_scene(),)).save(tmp_path / "still.svg", at=1.25)
+    text = (tmp_path / "still.svg").read_text()
+    picture = Picture(_scene(), 640, _scene().magnification)
+    there = picture._px(picture.points(1.25))[_scene().drawing.markers["counterweight"]]
+    assert f'<circle cx="{there.real:.2f}" cy="{there.imag:.2f}"' in text
+    assert "<animate" not in text and "t = 1.250 s" in text
+
+
+def test_an_svg_plays_by_itself_from_start_to_end(tmp_path: Path) -> None:
+    shown = _scene()
+    Animation((shown,)).save(tmp_path / "motion.svg")
+    text = (tmp_path / "motion.svg").read_text()
+    root = ET.fromstring(text)
+    assert "<script" not in text and "href" not in text and len(text) < 400_000
+    picture = Picture(shown, 640, shown.magnification)
+    times = video.play_times(shown, vector._RATE)
+    moving = [e for e in root.iter(f"{SVG}circle") if e.get("fill") == PALETTE["mass"]]
+    assert len(moving) == 2
+    for circle in moving:
+        values = {e.get("attributeName"): e.get("values", "").split(";") for e in circle.iter(f"{SVG}animate")}
+        drawn = [complex(float(x), float(y)) for x, y in zip(values["cx"], values["cy"], strict=True)]
+        assert len(drawn) == len(times) + round(video.HOLD * vector._RATE)
+        marked = [
+            picture._px(picture.points(time))[[shown.drawing.markers[n] for n in ("counterweight", "projectile")]]
+            for time in times
+        ]
+        nearest = np.argmin(np.abs(np.array(marked)[0] - drawn[0]))
+        np.testing.assert_allclose(drawn[: len(times)], np.array(marked)[:, nearest], atol=0.008)
+        assert set(drawn[len(times) :]) == {drawn[len(times) - 1]}
+    labels = [e.text for e in root.iter(f"{SVG}text")]
+    assert "t = 0.000 s" in labels and f"t = {END:.3f} s" in labels
+    traces = [e for e in root.iter(f"{SVG}polyline") if e.get("stroke-dashoffset")]
+    assert len(traces) == 2 * len(shown.drawing.compared)
+    for trace in traces:
+        (growth,) = trace.iter(f"{SVG}animate")
+        left = [float(each) for each in growth.get("values", "").split(";")]
+        assert left == sorted(left, reverse=True) and left[-1] == 0
+        assert left[0] == float(trace.get("stroke-dasharray", ""))
+
+
+def test_in_an_svg_a_run_is_not_seen_after_its_end(tmp_path: Path) -> None:
+    short = _solution(1e-5).trajectory(np.linspace(0.0, 1.0, 1001))
+    shown = scene(_solution().trajectory, {"short": RunLook(short, "#00ff00")}, end=END)
+    Animation((shown,)).save(tmp_path / "motion.svg")
+    root = ET.fromstring((tmp_path / "motion.svg").read_text())
+    own = [e for e in root.iter() if "#00ff00" in (e.get("stroke"), e.get("fill")) and not e.get("stroke-dashoffset")]
+    lines = [e for e in own if len(e)]  # but for the legend's
+    assert lines
+    for line in lines:
+        (seen,) = (e for e in line.iter(f"{SVG}animate") if e.get("attributeName") == "opacity")
+        assert seen.get("values") == "1;0"
 
 
 def test_a_trajectory_plays_in_a_notebook_with_others_over_it() -> None:
@@ -303,6 +359,10 @@ def test_a_trajectory_plays_in_a_notebook_with_others_over_it() -> None:
         (["fixed,rolling", "--out", "motion.gif"], "can show one machine, not 2"),
         (["pendulum", "--magnify", "0.1", "--out", "motion.svg"], "magnify = 0.1"),
         (["pendulum", "--width", "20", "--out", "motion.svg"], "width = 20 px"),
+        (["pendulum", "--at", "0.1", "--out", "motion.gif"], "instants are chosen for a still picture (.svg)"),
+        (["pendulum", "--at", "0.1,soon", "--out", "motion.svg"], "--at 'soon' is not a number"),
+        (["pendulum", "--until", "0.1", "--at", "0.2", "--out", "motion.svg"], "at = 0.2 s is not within the motion"),
+        (["pendulum", "--until", "0.1", "--at", "nan", "--out", "motion.svg"], "at = nan s is not within the motion"),
         (["--from", ".", "--out", "motion.svg"], "holds no trajectories"),
         (["absent", "--out", "motion.svg"], "no model 'absent'"),
         (["fixed", "--engines", "mujoko", "--out", "motion.svg"], "did you mean 'mujoco'"),
