@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from ..models.errors import SimulationError, TrebucheckError, shortened
-from . import animate, catalogue, certify, data, diff, figures, plugin, problems, run, studies, throw
+from . import animate, catalogue, certify, conform, data, diff, figures, plugin, problems, run, studies, throw
 from .output import printable
 
 app = typer.Typer(
@@ -39,6 +39,7 @@ for name, command in {
     "animate": animate.animate_command,
     "view": animate.view_command,
     "certify": certify.certify_command,
+    "conform": conform.conform_command,
     "recommend": studies.recommend_command,
     "converge": studies.converge_command,
     "paper": studies.paper_command,

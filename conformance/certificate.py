@@ -1,0 +1,219 @@
+"""A conformance run as a certificate of one page, what to do next first, and as a badge."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from html import escape
+from itertools import groupby
+
+from ..comparisons.report.document import (
+    Block,
+    Cell,
+    Column,
+    Document,
+    Fold,
+    Heading,
+    Listing,
+    Mark,
+    Row,
+    Table,
+    Text,
+    Tile,
+    Tiles,
+    page_only,
+    row,
+    table,
+    words,
+)
+from ..comparisons.report.numbers import format_number
+from ..engines.inspection import Inspectable
+from ..engines.protocol import Capabilities
+from ..engines.registry import engine, engine_class
+from ..models.errors import TrebucheckError
+from .problems import STANDARD, given, missing
+from .suite import INTERFACE
+from .verdicts import Conformance, State, Verdict
+
+MARKS: dict[State, Mark] = {
+    State.KEPT: "good",
+    State.BROKEN: "bad",
+    State.NOT_JUDGED: "bad",
+    State.DEVIATES: "warning",
+    State.SKIPPED: "muted",
+}
+_LISTED = 12
+
+
+def headline(results: Conformance) -> str:
+    """The whole in a line."""
+    counts, judged = results.counts, _judged(results)
+    who = ", ".join(f"{label} {version}" for label, version in results.engines.items())
+    said = [f"{counts[state]} {state.value}" for state in State if counts[state] and state is not State.KEPT]
+    rest = f"; {', '.join(said)}" if said else ""
+    verdict = "conforms" if results.passed else "does not conform"
+    return f"{who} {verdict} ({results.tier} tier): {counts[State.KEPT]} of {judged} checks kept{rest}."
+
+
+def _judged(results: Conformance) -> int:
+    return len(results.verdicts) - results.counts[State.SKIPPED]
+
+
+def certificate(results: Conformance) -> Document:
+    """Verdict, what to do next, problems, and every check."""
+    line, failed = headline(results), sum(verdict.failed for verdict in results.verdicts)
+    counts = results.counts
+    tiles = Tiles(
+        (
+            Tile(f"{counts[State.KEPT]}/{_judged(results)}", "checks kept", "good" if results.passed else "bad"),
+            Tile(str(failed), "broken or not judged", "bad" if failed else "plain"),
+            Tile(str(counts[State.DEVIATES]), "known deviations", "warning" if counts[State.DEVIATES] else "plain"),
+            Tile(str(counts[State.SKIPPED]), "skipped"),
+        )
+    )
+    blocks: list[Block] = [Text(line, "good" if results.passed else "bad"), tiles, *_next(results), *_tables(results)]
+    title = f"Conformance of {', '.join(results.engines)}"
+    return Document(title, tuple(blocks), window=title, command=results.command or "", verdict=line)
+
+
+def _next(results: Conformance) -> Iterator[Block]:
+    steps = list(next_steps(results))
+    if steps:
+        yield Heading("What to do next", 2, medium="any")
+        yield Listing(tuple(Text(step) for step in steps[:_LISTED]), ordered=True)
+    more = [text for label in results.engines for text in optional_steps(label)]
+    if more:
+        yield Heading("What is missing, and may stay so", 2, medium="any")
+        yield Listing(tuple(map(Text, more)))
+
+
+def next_steps(results: Conformance) -> Iterator[str]:
+    """Sentences on what fails: the interface first, then the problems from the simplest on, each in one sentence."""
+    failing = [verdict for verdict in results.verdicts if verdict.failed]
+    for (where, problem), own in groupby(failing, key=lambda v: (v.id.rsplit("/", 2)[0], v.problem)):
+        found = list(own)
+        if problem in (INTERFACE, "row"):
+            yield from (f"{verdict.check}: {verdict.text}" for verdict in found)
+            continue
+        first, others = found[0], [verdict.check for verdict in found[1:]]
+        also = f" (also {', '.join(others)})" if others else ""
+        yield f"{where.split('/', 1)[0]}, {problem}, {first.check}{also}: {first.text} {first.cause}".strip()
+
+
+def optional_steps(label: str) -> Iterator[str]:
+    """What an engine does not declare or offer, what opens most problems first.
+
+    Args:
+        label: engine/preset.
+    """
+    name, _, preset = label.partition("/")
+    capabilities = engine_class(name).capabilities
+    needed: dict[str, list[str]] = {}
+    for problem in STANDARD:
+        for feature in missing(*given(problem), capabilities):
+            needed.setdefault(feature, []).append(problem)
+    for feature, problems in sorted(needed.items(), key=lambda item: -len(item[1])):
+        yield f"no {feature}: needed by {', '.join(problems)}"
+    yield from _not_offered(name, preset, capabilities)
+
+
+def _not_offered(name: str, preset: str, capabilities: Capabilities) -> Iterator[str]:
+    try:
+        inspectable = isinstance(engine(name, preset), Inspectable)
+    except (TrebucheckError, TypeError, ValueError):
+        return
+    if not inspectable:
+        yield "no model check: `inspect` would tell a wrong mass or frame before any motion"
+    if not capabilities.joint_reactions:
+        yield "no joint reactions"
+    if not capabilities.stop_torques:
+        yield "no stop torques"
+    if not capabilities.located_releases:
+        yield "releases are not located inside a step"
+    if not hasattr(engine_class(name), "study"):
+        yield "no `study`: its tolerances are the default's, and `explain` and `converge` know its time step only"
+
+
+def _tables(results: Conformance) -> Iterator[Block]:
+    yield Heading("Problems", 2)
+    yield table(_PROBLEM_COLUMNS, list(_problem_rows(results.verdicts)), "From the simplest on")
+    checks = Table(_CHECK_COLUMNS, tuple(_check_row(verdict) for verdict in results.verdicts))
+    yield Fold(f"All {len(results.verdicts)} checks", (page_only(checks),))
+
+
+_PROBLEM_COLUMNS = (
+    words("engine", wrap=False, medium="page"),
+    words("problem", wrap=False),
+    Column("kept", align="right"),
+    Column("worst", align="left"),
+    Column("of its tolerance", align="right"),
+    Column("run", "s", align="right", rank=3),
+    words("verdict"),
+)
+_CHECK_COLUMNS = (
+    words("check", wrap=False),
+    words("verdict", wrap=False),
+    Column("error", align="right"),
+    Column("tolerance", align="right"),
+    words("unit", wrap=False),
+    words("why"),
+)
+
+
+def _problem_rows(verdicts: Sequence[Verdict]) -> Iterator[Row]:
+    for where, own in groupby(verdicts, key=lambda verdict: verdict.id.rsplit("/", 1)[0]):
+        found = list(own)
+        if where.startswith("deviations/"):
+            continue
+        engine, _, problem = where.rpartition("/")
+        kept, judged = (sum(v.state in states for v in found) for states in ((State.KEPT,), _JUDGED))
+        worst = max((v for v in found if v.tolerance), key=_share, default=None)
+        share = "" if worst is None else f"{_share(worst):.2g}"
+        wall = next((f"{v.wall_time:.2f}" for v in found if v.wall_time is not None), "")
+        name = "" if worst is None else worst.check
+        yield row(engine, problem, f"{kept}/{judged}" if judged else "", name, share, wall, _said(found))
+
+
+_JUDGED = tuple(state for state in State if state is not State.SKIPPED)
+
+
+def _share(verdict: Verdict) -> float:
+    """Of its tolerance, that the error is."""
+    assert verdict.tolerance is not None
+    return math.inf if verdict.error is None else verdict.error / verdict.tolerance
+
+
+def _said(found: Iterable[Verdict]) -> Cell:
+    """On one problem: the worst of its verdicts, and why nothing was judged."""
+    states = [verdict.state for verdict in found]
+    order = (State.BROKEN, State.NOT_JUDGED, State.DEVIATES, State.KEPT)
+    state = next((each for each in order if each in states), State.SKIPPED)
+    texts = [verdict.text for verdict in found if verdict.state is State.SKIPPED]
+    text = f"skipped: {texts[0]}" if state is State.SKIPPED and texts else state.value
+    return Cell(text, MARKS[state])
+
+
+def _check_row(v: Verdict) -> Row:
+    error = format_number(v.error) if v.error is not None else ""
+    tolerance = format_number(v.tolerance) if v.tolerance is not None else ""
+    why = v.text or v.source
+    return row(v.id, Cell(v.state.value, MARKS[v.state]), error, tolerance, v.unit, why)
+
+
+_COLOURS = {True: "#2e7d32", False: "#b3261e"}
+
+
+def badge(results: Conformance) -> str:
+    """An SVG for a README: how many checks are kept."""
+    left, right = "trebucheck", f"{results.counts[State.KEPT]}/{_judged(results)} kept"
+    widths = [7 * len(text) + 12 for text in (left, right)]
+    label = escape(f"{left}: {right}; {headline(results)}")
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{sum(widths)}" height="20" role="img" aria-label="{label}">'
+        f'<title>{label}</title><rect width="{sum(widths)}" height="20" rx="3" fill="#555"/>'
+        f'<path d="M{widths[0]} 0h{widths[1] - 3}a3 3 0 0 1 3 3v14a3 3 0 0 1 -3 3h-{widths[1] - 3}z" '
+        f'fill="{_COLOURS[results.passed]}"/>'
+        '<g fill="#fff" font-family="Verdana,DejaVu Sans,sans-serif" font-size="11" text-anchor="middle">'
+        f'<text x="{widths[0] / 2:g}" y="14">{left}</text>'
+        f'<text x="{widths[0] + widths[1] / 2:g}" y="14">{escape(right)}</text></g></svg>\n'
+    )
