@@ -49,7 +49,11 @@ class StateTangent:
     d_release_times: dict[str, FloatArray]
     """Of every stop, shape (m,); NaN where it did not open between the start and t."""
     d_impact_times: tuple[tuple[float, FloatArray], ...] = ()
-    """Time [s] of every impact between the start and t, and its derivatives, shape (m,)."""
+    """Time [s] of every impact between the start and t, and its derivatives, shape (m,).
+
+    They are known to the rounding of the gap and of its derivative over the gap speed: of the last impacts before a
+    stop ceases to bounce, to some 1e-7 of themselves, while the state's keep their digits.
+    """
     kinks: tuple[Kink, ...] = ()
     """Stops for which the derivatives along some directions hold to one side only."""
 
