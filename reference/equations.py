@@ -34,7 +34,7 @@ from ..models.arrays import ComplexArray, FloatArray
 from ..models.errors import SimulationError
 from ..models.kinematics import Kinematics
 from ..models.mechanism import Mechanism
-from ..models.scalar_functions import PointFunction, ScalarFunction
+from ..models.scalar_functions import AngleFunction, PointFunction, ScalarFunction
 from .compiled import CompiledEquations, compiled_equations, not_unique
 from .dependence import Basis, Scales, least_step, scales_of
 
@@ -227,6 +227,22 @@ class Equations:
     def rank(self, q: FloatArray, closed: Sequence[str]) -> int:
         """Number of independent constraints in one position, shape (n_q,)."""
         return self._scales(closed).rank(self.constraint_jacobian(q, closed))
+
+    def independence(self, q: FloatArray, closed: Sequence[str], length: float) -> FloatArray:
+        """Least singular value of the independent constraints in positions (..., n_q), shape (...,); inf without any.
+
+        Of their Jacobian, with lengths in parts of a given one [m]: rounding errors of positions show in the
+        coordinates, speeds and forces that constraints determine divided by it.
+        """
+        names = tuple(closed)
+        functions = (*self.kinematics.loop_closures, *(self._gaps[name] for name in names))
+        if not functions:
+            return np.full(q.shape[:-1], np.inf)
+        rows = np.array([1.0 if isinstance(f, AngleFunction) else 1.0 / length for f in functions])
+        columns = np.where(self.kinematics.is_angle > 0, 1.0, length)
+        scaled = rows[:, None] * self.constraint_jacobian(q, names) * columns
+        rank = len(functions) if self.basis(q, names) is None else self._ranks[names]
+        return np.asarray(np.linalg.svd(scaled, compute_uv=False)[..., rank - 1], dtype=np.float64)
 
     def note_rank(self, closed: Sequence[str], rank: int) -> None:
         """Note how many constraints are independent beside a position in which they lose rank."""

@@ -238,7 +238,7 @@ def six_digits(text: str) -> str:
 
 def damped(text: str) -> str:
     """One joint of the model with viscous damping."""
-    return re.sub(r'<joint ([^>]*name="hanger pin")', r'<joint damping="1" \1', text)
+    return re.sub(r'<joint ([^>]*name="hanger_pin")', r'<joint damping="1" \1', text)
 
 
 def scaled_torques(trajectory: tb.Trajectory) -> tb.Trajectory:

@@ -25,9 +25,12 @@ from ...reference.contact import active_contacts
 from ...reference.equations import Equations, consistent_coordinates, consistent_speeds
 from ...reference.reactions import undetermined_forces
 from ..runs.results import Check, Equality
+from ..runs.scales import size
 
 EXACT = 1e-10
 """Of a quantity's size: four digits above rounding, and six below the smallest fault that is seeded."""
+ROUNDING = 1e-14
+"""Of sums and solutions of well conditioned equations, of a quantity's size."""
 
 _EXACT_REASON = "the engine's own quantities, to rounding"
 
@@ -67,6 +70,19 @@ class Expected:
     """What the inertia of each coordinate makes of its largest speed, or of 1 in its units, squared; shape (n_q,)."""
     inertial_torques: dict[str, float]
     """The same by stop, of the lightest coordinate that it acts on."""
+    independence: float = math.inf
+    """Least singular value of the constraints in all states, with lengths in parts of the mechanism's size."""
+
+    @property
+    def solved(self) -> float:
+        """To how much of their sizes accelerations and forces of constraints must agree.
+
+        They solve a least-squares problem with constraints (Gauss). Relative changes of its data of a size of rounding
+        change the solution by their multiple with the condition number (Wedin, BIT 13 (1973) 217), here one over the
+        least singular value of constraints with lengths in parts of the mechanism's size: a wall nearly parallel to
+        the motion that it stops holds it with a force that is known to so many digits less.
+        """
+        return max(EXACT, ROUNDING / self.independence)
 
     @cached_property
     def force_scale(self) -> FloatArray:
@@ -123,12 +139,18 @@ def expected(mechanism: Mechanism, states: Sequence[State], equations: Equations
         bodies=tuple(body.name for body in mechanism.bodies),
         centres=np.stack([kinematics.position(row, q) for row in rows], axis=1),
         inertial=inertial,
+        independence=_independence(equations, states),
         inertial_torques={
             stop.name: float((inertial[row != 0] / np.abs(row[row != 0])).min()) if row.any() else float(inertial.max())
             for stop in mechanism.stops
             for row in [kinematics.gap_jacobian(stop.name, q[0])]
         },
     )
+
+
+def _independence(equations: Equations, states: Sequence[State]) -> float:
+    length = size(equations.mechanism) or units_of(equations.mechanism).length
+    return min(float(equations.independence(state.q, state.closed, length)) for state in states)
 
 
 def _solved(
@@ -190,7 +212,8 @@ def _checks(mechanism: Mechanism, states: Sequence[State], inspection: Inspectio
     yield from _exact(mechanism, reference, inspection.dynamics)
     scale = reference.acceleration_scale
     accelerations = np.array([d.accelerations for d in inspection.dynamics])
-    yield _by_name("acceleration", mechanism.coordinates, np.abs(accelerations - reference.accelerations), scale)
+    difference = np.abs(accelerations - reference.accelerations)
+    yield _of_solution(_by_name("acceleration", mechanism.coordinates, difference, scale), reference)
     yield from _torques(reference, inspection.dynamics)
     errors = gap_errors(reference, inspection.dynamics)
     if errors:
@@ -250,11 +273,19 @@ def _torques(reference: Expected, dynamics: Sequence[Dynamics]) -> Iterator[Chec
         size = reference.torque_scales[name]
         missing = any(torque is None for torque, _ in pairs)
         worst = max((abs(torque - right) for torque, right in pairs if torque is not None), default=0.0) / size
-        yield _exactly("stop torque", name, None if missing else worst)
+        yield _of_solution(_exactly("stop torque", name, None if missing else worst), reference)
 
 
 def _exactly(name: str, subject: str | None, value: float | None, unit: str = "1") -> Check:
     return Check(name=name, subject=subject, value=value, unit=unit, tolerance=EXACT, reason=_EXACT_REASON)
+
+
+def _of_solution(check: Check, reference: Expected) -> Check:
+    """With the tolerance of what solves the equations of motion."""
+    if reference.solved == EXACT:
+        return check
+    reason = f"rounding, over the {reference.independence:.2g} by which constraints are independent"
+    return check.model_copy(update={"tolerance": reference.solved, "reason": reason})
 
 
 def _by_name(name: str, subjects: Sequence[str], difference: FloatArray, scale: FloatArray) -> Check:

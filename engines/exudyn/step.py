@@ -32,6 +32,7 @@ _WHOLE = 1e-6  # of a step: so near to a whole number of steps, it is one
 _DIGITS = 1e-4  # of the largest torque: the rounding error of a spring's must be smaller
 _RESOLVED = 1e-13  # [s] rounding of a torque over its slope
 _MOST_PROBES = 12  # a torque is nearly linear within a step: four are enough
+_HELD = 1e-9  # of the acceleration that it would have without stops: a gap that redundant stops hold has no less
 
 
 @dataclass(frozen=True)
@@ -197,16 +198,19 @@ class _Motion:
 
     def _pushing(self, state: State, touching: Contacts) -> Contacts:
         """Which of the touching stops push while the others open; those that open are released."""
-        active = active_contacts(touching, lambda active: self._violated(state, touching, active))
+        free = self.solver.balance(state, ())
+        least = {name: -_HELD * abs(self._opening(name, free)) for name in touching}
+        active = active_contacts(touching, lambda active: self._violated(state, least, active))
         self.events.release((name for name in touching if name not in active), state.t)
         return active
 
-    def _violated(self, state: State, touching: Contacts, active: Contacts) -> str | None:
+    def _violated(self, state: State, touching: Mapping[str, float], active: Contacts) -> str | None:
+        """The first of the touching stops that pulls, or closes with less than the acceleration given to it."""
         balance = self.solver.balance(state, active)
-        for name in touching:
+        for name, least in touching.items():
             if name not in active and self.system.springs:
                 continue  # a preloaded spring releases with its gap open: how that moves then does not matter
-            if (self.solver.torque(balance.row, name) if name in active else self._opening(name, balance)) < 0.0:
+            if self.solver.torque(balance.row, name) < 0.0 if name in active else self._opening(name, balance) < least:
                 return name
         return None
 

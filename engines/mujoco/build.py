@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
 from ...models.mechanism import Mechanism
 from ...models.mjcf.points import felt_from
@@ -14,10 +15,11 @@ from ...models.mjcf.recorded import HOME
 from ...models.mjcf.writer import MARGIN, mjcf
 from .constraints import UnilateralConstraint, stop_contacts
 from .options import MujocoOptions, scaled_solref
-from .reference_acceleration import CALLBACK, ReferenceAccelerationCorrection, mujoco
+from .reference_acceleration import CALLBACK, ReferenceAccelerationCorrection, constraint_jacobian, mujoco
 
-_PRELOAD_ITERATIONS = 6  # each gains the four digits of 1 - d, d the impedance; of nearly dependent constraints less
-_MOST_ITERATIONS = 3000  # where guides are parallel but for half a degree, each gains a tenth of a digit
+_PRELOAD_ITERATIONS = 6  # each gains the four digits of 1 - d, d the impedance
+_MOST_ITERATIONS = 3000  # where forces of redundant constraints drift
+_REDUNDANT = 1e-12  # of the largest eigenvalue: constraints more nearly dependent follow from each other
 _PATIENCE = 10  # iterations without a smaller change: what is left is rounding
 _SETTLED = 1e-10  # change of the constraints' forces in an iteration, of the largest
 
@@ -76,23 +78,63 @@ def start_data(model: Any) -> Any:
 
 
 def preload(
-    model: Any, data: Any, closed: Iterable[UnilateralConstraint], correction: ReferenceAccelerationCorrection
+    model: Any,
+    data: Any,
+    closed: Iterable[UnilateralConstraint],
+    correction: ReferenceAccelerationCorrection,
+    settled: float = _SETTLED,
 ) -> None:
     """Preload the active constraints by what their softness gives way, so that they start in balance.
 
     A soft limit carries a torque f only at a penetration of R f / (k d): exactly at its limit it starts 1 - d too weak
     and takes some ten time constants to settle. A margin has the same effect as a penetration and leaves the start
     unchanged; contacts and equalities are given the acceleration R f instead.
+
+    Args:
+        model, data: MuJoCo's; the constraints' forces are left in the data.
+        closed: the active stops, and the sides of slots.
+        correction: of the reference accelerations.
+        settled: change of the constraints' forces in an iteration that is small, in parts of the largest.
     """
     changes, active = Changes(data), tuple(closed)
+    given: FloatArray | None = None
     for done in range(_MOST_ITERATIONS):
         _forward(data, correction)
-        if not changes.go_on(_SETTLED, done, _PRELOAD_ITERATIONS):
+        if not changes.go_on(settled, done, _PRELOAD_ITERATIONS):
             return
+        rows = [row for constraint in active if (row := constraint.row(data)) is not None]
+        forces = _rigid_forces(model, data, rows, given)
+        given = data.efc_R * forces
         for constraint in active:
-            constraint.preload(model, data, correction)
-        correction.preload_equalities(data)
+            constraint.preload(model, data, correction, forces)
+        correction.preload_equalities(data, forces)
     _forward(data, correction)
+
+
+def _rigid_forces(model: Any, data: Any, unilateral: list[int], given: FloatArray | None) -> FloatArray:
+    """Forces f of the rows if none was soft: from (A + R) f = c + e, with e the accelerations given, to A f = c.
+
+    The forces as they are stand for those that would come out otherwise, and where a row without force is among the
+    unilateral ones: as next e they converge as well, by R / (A + R) an iteration, which is slow for a wall that is
+    nearly parallel to the motion. Redundant directions are left out.
+    """
+    forces = np.array(data.efc_force)
+    equalities = np.flatnonzero(data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)).tolist()
+    pushing = [row for row in unilateral if forces[row] > 0]
+    rows = np.array([*equalities, *pushing], dtype=np.intp)
+    if not len(rows) or (given is not None and len(given) != len(forces)):
+        return forces
+    mass = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, mass)
+    softness = data.efc_R[rows]
+    root = np.sqrt(softness)
+    scaled = constraint_jacobian(model, data)[rows] / root[:, None]
+    response = scaled @ np.linalg.solve(mass, scaled.T)
+    change = (softness * forces[rows] - (0.0 if given is None else given[rows])) / root
+    rigid = forces[rows] + np.linalg.pinv(response, _REDUNDANT, hermitian=True) @ change / root
+    if (rigid[len(equalities) :] > 0).all():
+        forces[rows] = rigid
+    return forces
 
 
 class Changes:

@@ -64,12 +64,17 @@ class Limit:
         """Let it act in penetration only: its margin is set to zero."""
         self._set_margin(model, 0.0)
 
-    def preload(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection) -> None:
-        """If it pushes, make up for its softness by its margin: the acceleration k d (margin - gap) is then R f."""
+    def preload(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection, forces: FloatArray) -> None:
+        """If it pushes, make up for its softness by its margin: the acceleration k d (margin - gap) is then R f.
+
+        Args:
+            model, data, correction: of MuJoCo.
+            forces: f of all constraint rows.
+        """
         row = self.row(data)
-        if row is not None and data.efc_force[row] > 0:
+        if row is not None and forces[row] > 0:
             stiffness, _, impedance, _ = data.efc_KBIP[row]
-            penetration = data.efc_R[row] * data.efc_force[row] / (stiffness * impedance)
+            penetration = data.efc_R[row] * forces[row] / (stiffness * impedance)
             self._set_margin(model, self.gap(model, data) + penetration)
 
     def _set_margin(self, model: Any, margin: float) -> None:
@@ -128,11 +133,11 @@ class PointContact:
         """Let its margin give no acceleration."""
         correction.contacts[self.geoms] = 0.0
 
-    def preload(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection) -> None:
+    def preload(self, model: Any, data: Any, correction: ReferenceAccelerationCorrection, forces: FloatArray) -> None:
         """As :meth:`Limit.preload`, by the correction: inner stages of a step may lift the sphere beyond a margin."""
         row = self.row(data)
-        if row is not None and data.efc_force[row] > 0:
-            correction.contacts[self.geoms] = float(data.efc_R[row] * data.efc_force[row])
+        if row is not None and forces[row] > 0:
+            correction.contacts[self.geoms] = float(data.efc_R[row] * forces[row])
 
     def torque(self, sensed: FloatArray, positions: FloatArray, model: Any) -> FloatArray:
         """Its force [N], as the sensor gives it."""

@@ -13,7 +13,7 @@ from ...models.mechanism import Mechanism
 from ...models.mjcf.writer import mjcf_names
 from ...models.tree import Slide
 from ..inspection import Dynamics, Inspection, State
-from .build import Changes, load, start_data
+from .build import load, preload, start_data
 from .constraints import UnilateralConstraint, slot_contacts, stop_constraints
 from .options import MujocoOptions
 from .read import IN_PLANE, absolute_from_relative
@@ -32,9 +32,7 @@ _AT_REST: Mapping[str, object] = {
 }
 # Points are preloaded by an acceleration, whatever their stiffness [1/s^2] and damping [1/s]; their positions are
 # rounded to some 1e-15 m, which such a small stiffness makes negligible.
-_POINTS_AT_REST = (-1.0, -1.0)
-_ROUNDS = 3000  # of preloading, at most; four are enough unless constraints are nearly dependent
-_FIRST_ROUNDS = 5
+_POINTS_AT_REST = (-1e-6, -1e-6)
 _SETTLED = 1e-14  # change of the torques in a round, of the largest: rounding
 
 
@@ -126,8 +124,7 @@ class _Built:
         The constraints are preloaded as at the start of a run (:func:`.build.preload`), but at any gap, and until their
         forces do not change any more.
         """
-        self.correction.contacts.clear()
-        self.correction.equalities.clear()
+        self.correction.clear()
         for constraint in self.constraints.values():
             constraint.deactivate(self.model, self.correction)
         with self.correction.applied():
@@ -135,18 +132,9 @@ class _Built:
             active = [self.constraints[name] for name in closed]
             for constraint in active:
                 constraint.activate(self.model, self.data, self.correction)
-            self._settle([*active, *slot_contacts(self.mechanism, self.model)])
+            slots = slot_contacts(self.mechanism, self.model)
+            preload(self.model, self.data, [*active, *slots], self.correction, _SETTLED)
         return {name: self._force(constraint) for name, constraint in zip(closed, active, strict=True)}
-
-    def _settle(self, constraints: list[UnilateralConstraint]) -> None:
-        changes = Changes(self.data)
-        for done in range(_ROUNDS):
-            self.correction.forward(self.data)
-            if not changes.go_on(_SETTLED, done, _FIRST_ROUNDS):
-                break
-            for constraint in constraints:
-                constraint.preload(self.model, self.data, self.correction)
-            self.correction.preload_equalities(self.data)
 
     def _force(self, constraint: UnilateralConstraint) -> float:
         row = constraint.row(self.data)

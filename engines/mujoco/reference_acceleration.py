@@ -61,7 +61,7 @@ class _Pass:
         rows = np.concatenate(list(present.values()))
         ends = [0, *accumulate(map(len, present.values()))]
         own = {index: slice(a, b) for index, (a, b) in zip(present, pairwise(ends), strict=True)}
-        return cls(own, data.efc_aref[rows], _jacobian(model, data)[rows], data.efc_R[rows], ends_a_step)
+        return cls(own, data.efc_aref[rows], constraint_jacobian(model, data)[rows], data.efc_R[rows], ends_a_step)
 
     def softness_of_equalities(self, data: Any) -> dict[int, FloatArray]:
         """R f by equality constraint, without what redundant constraints do to each other.
@@ -138,12 +138,23 @@ class ReferenceAccelerationCorrection:
         for _ in range(_SETTLING if self._last is not None else 0):
             self.forward(data)
 
-    def preload_equalities(self, data: Any) -> None:
-        """Add R f to the equality constraints, the acceleration by which their softness would let their points part."""
+    def clear(self) -> None:
+        """Add nothing to contacts and equalities."""
+        self.contacts.clear()
+        self.equalities.clear()
+        self._last = None
+
+    def preload_equalities(self, data: Any, forces: FloatArray) -> None:
+        """Add R f to the equality constraints, the acceleration by which their softness would let their points part.
+
+        Args:
+            data: MuJoCo's.
+            forces: f of all constraint rows.
+        """
         self._last = None
         for index in range(self.model.neq):
             rows = equality_rows(data, index)
-            self.equalities[index] = data.efc_R[rows] * data.efc_force[rows]
+            self.equalities[index] = data.efc_R[rows] * forces[rows]
 
     def _correct(self, model: Any, data: Any) -> None:
         if self._stage % self._stages == 0:
@@ -202,7 +213,7 @@ def equality_rows(data: Any, index: int) -> NDArray[np.intp]:
     return np.flatnonzero((data.efc_type == kind) & (data.efc_id == index))
 
 
-def _jacobian(model: Any, data: Any) -> FloatArray:
+def constraint_jacobian(model: Any, data: Any) -> FloatArray:
     """Of all constraint rows, shape (nefc, nv)."""
     if not mujoco.mj_isSparse(model):
         return data.efc_J.reshape(data.nefc, model.nv)

@@ -213,7 +213,7 @@ def settled_increment(assembly: Assembly) -> FloatArray:
     The rates are those before afterwards; shape (n_bodies, 3).
 
     Raises:
-        SimulationError: the impulses do not converge, because masses differ too much.
+        SimulationError: the impulses do not converge: masses differ too much, or constraints are nearly parallel.
     """
     before, places = assembly.rates, _places(assembly)
     # A joint's error has the rounding of its ends' positions, however small the accelerations are.
@@ -231,7 +231,7 @@ def settled_increment(assembly: Assembly) -> FloatArray:
     if not change <= _ENOUGH:
         raise SimulationError(
             f"pymunk's impulses on {assembly.mechanism.name!r} are not settled after "
-            f"{assembly.space.iterations} passes: its masses differ too much for them."
+            f"{assembly.space.iterations} passes: its masses differ too much, or constraints are nearly parallel."
         )
     assembly.rates = before
     return increment
