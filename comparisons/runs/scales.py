@@ -36,6 +36,7 @@ characteristic time, the shortest that is usual, this makes 1e-11 of the speed t
 of this least speed: what is judged by default. A wall that is nearly parallel to the motion that it stops has such
 small values.
 """
+_DEPENDENT = 1e-6  # of constraints with a smaller singular value some follow from the others
 _IN_A_SEGMENT = 9  # positions in which they are computed
 _BESIDE = 0.1  # characteristic times
 _SHORTEST = 1e-9  # characteristic times: an end before that has no speed of its own
@@ -92,9 +93,11 @@ def scales_until(solution: Solution, end: float) -> Scales:
     length = _length(reference)
     shortest = _SHORTEST * (math.sqrt(length / gravity) if gravity else 1.0)
     end = max(end, shortest)
-    least = max(_LEAST, _LEAST_HELD / _independence(solution, end, length))
-    least *= max(math.sqrt(gravity * length), length / end)
-    speed = max(_largest_speed(reference), least)
+    usual, speed = max(math.sqrt(gravity * length), length / end), _largest_speed(reference)
+    least = _LEAST * usual
+    if speed < _LEAST_HELD / _DEPENDENT * usual:
+        least = max(least, _LEAST_HELD / _independence(solution, end, length) * usual)
+    speed = max(speed, least)
     times = [
         length / speed,
         _LONGEST * end,
@@ -124,7 +127,7 @@ def scales_until(solution: Solution, end: float) -> Scales:
 
 def _independence(solution: Solution, end: float, length: float) -> float:
     """Least singular value of the constraints where they are the most independent of each other."""
-    found = [1e-6]  # of more nearly dependent constraints some follow from the others
+    found = [_DEPENDENT]
     for segment in solution.segments:
         t = np.linspace(segment.start, max(segment.start, min(segment.end, end)), _IN_A_SEGMENT)
         q = solution.motion(t).q
