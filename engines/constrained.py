@@ -51,6 +51,8 @@ class Solved:
     """Force of each held contact [N m, N], positive where it pushes."""
     loops: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
     """Force of each joint that closes a loop on its child, world frame [N], shape (2,)."""
+    multipliers: FloatArray = field(default_factory=lambda: np.zeros(0))
+    """Of the closures of the loops, shape (n_loops,)."""
 
 
 class ConstrainedDynamics:
@@ -70,7 +72,17 @@ class ConstrainedDynamics:
         response = _inverse(self.engine.mass_matrix(q)) @ rows.T
         forces = _least_norm(rows @ response, -(rows @ free + bias))
         contacts = dict(zip(held, forces[: len(held)].tolist(), strict=True))
-        return Solved(free + response @ forces, contacts, self._loop_forces(q, forces[len(held) :]))
+        loops = forces[len(held) :]
+        return Solved(free + response @ forces, contacts, self._loop_forces(q, loops), loops)
+
+    def generalized(self, q: FloatArray, u: FloatArray, solved: Solved, held: Contacts) -> FloatArray:
+        """Generalized forces of the force elements, and of what is held, shape (n_q,) [N m, N]."""
+        applied = self.applied.generalized(q, u)
+        rows, _ = self._rows(q, u, held)
+        if not len(rows):
+            return applied
+        forces = np.append([solved.contacts[name] for name in held], solved.multipliers)
+        return applied + rows.T @ forces
 
     def projected(self, q: FloatArray, u: FloatArray, held: Contacts) -> tuple[FloatArray, FloatArray]:
         """The state without the drift of a step from loops and held contacts, the shortest way by the mass matrix."""

@@ -1,0 +1,124 @@
+"""A mechanism as Drake's continuous plant moves it; states are in the mechanism's coordinates."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+from pydrake.systems.framework import BasicVector, DiagramBuilder, LeafSystem
+from trebucheck.engines.constrained import ConstrainedDynamics, Solved, subtree_sums
+from trebucheck.engines.contact_events import Contacts
+from trebucheck.engines.event_driver import Observation
+from trebucheck.engines.schemes import State
+from trebucheck.models.arrays import FloatArray
+from trebucheck.models.mechanism import Mechanism
+
+from .build import Built
+from .read import Reader
+
+
+class Model:
+    """Drake's forward dynamics, in a context of its own."""
+
+    def __init__(self, built: Built) -> None:
+        self.built, self.plant = built, built.plant
+        self.context: Any = self.plant.CreateDefaultContext()
+        self.port: Any = self.plant.get_applied_generalized_force_input_port()
+
+    def place(self, q: FloatArray, u: FloatArray) -> None:
+        """Set the context's state."""
+        to, built = self.built.coordinates, self.built
+        self.plant.SetPositions(self.context, built.in_order(to.positions(q), built.positions))
+        self.plant.SetVelocities(self.context, built.in_order(to.speeds(u), built.speeds))
+
+    def apply(self, generalized: FloatArray) -> None:
+        """Set the generalized forces on the mechanism's coordinates [N m, N]."""
+        self.port.FixValue(self.context, self.joint_forces(generalized))
+
+    def joint_forces(self, generalized: FloatArray) -> FloatArray:
+        """Drake's joint forces of generalized forces on the mechanism's coordinates."""
+        return self.built.in_order(self.built.coordinates.forces(generalized), self.built.speeds)
+
+    def accelerations(self, q: FloatArray, u: FloatArray, applied: FloatArray) -> FloatArray:
+        """By Drake's articulated-body algorithm."""
+        self.place(q, u)
+        self.apply(applied)
+        rates = self.plant.EvalTimeDerivatives(self.context).CopyToVector()[self.plant.num_positions() :]
+        return self.built.coordinates.mechanism_speeds(rates[self.built.speeds])
+
+    def mass_matrix(self, q: FloatArray) -> FloatArray:
+        """Drake's."""
+        self.place(q, np.zeros_like(q))
+        rows = self.built.speeds
+        return self.built.coordinates.mass_matrix(self.plant.CalcMassMatrix(self.context)[np.ix_(rows, rows)])
+
+
+class Held(LeafSystem):
+    """Gives a plant the forces of springs, motors and of what is held, from its state."""
+
+    def __init__(self, motion: Motion) -> None:
+        LeafSystem.__init__(self)
+        self.motion, self.held, plant = motion, (), motion.drake.plant
+        n = plant.num_velocities()
+        self.DeclareVectorInputPort("state", BasicVector(plant.num_multibody_states()))
+        self.DeclareVectorOutputPort("forces", BasicVector(n), self._forces)
+
+    def _forces(self, context: Any, output: Any) -> None:
+        q, u = self.motion.drake.built.coordinates_of(self.get_input_port().Eval(context))
+        output.SetFromVector(self.motion.forces(q, u, self.held))
+
+
+class Motion(ConstrainedDynamics):
+    """The plant moved by one of Drake's integrators, stops and loops held by multipliers."""
+
+    def __init__(self, mechanism: Mechanism, integrator: str, accuracy: float, timestep: float) -> None:
+        self.timestep, built = timestep, Built(mechanism)
+        built.finalize()
+        self.drake = Model(built)
+        self.reader = Reader(built)
+        super().__init__(mechanism, self.drake)
+        builder, self.system = DiagramBuilder(), Held(self)
+        plant = builder.AddSystem(built.plant)
+        builder.AddSystem(self.system)
+        builder.Connect(plant.get_state_output_port(), self.system.get_input_port())
+        builder.Connect(self.system.get_output_port(), plant.get_applied_generalized_force_input_port())
+        self.simulator: Any = Simulator(builder.Build())
+        config = SimulatorConfig(
+            integration_scheme=integrator, max_step_size=timestep, accuracy=accuracy, use_error_control=True
+        )
+        ApplySimulatorConfig(config, self.simulator)
+        self.state_context: Any = plant.GetMyMutableContextFromRoot(self.simulator.get_mutable_context())
+
+    def forces(self, q: FloatArray, u: FloatArray, held: Contacts) -> FloatArray:
+        """Drake's joint forces of springs, motors, and of what is held."""
+        if held or self.mechanism.loop_joints:
+            return self.drake.joint_forces(self.generalized(q, u, self.solve(q, u, held), held))
+        return self.drake.joint_forces(self.applied.generalized(q, u))
+
+    def advance(self, state: State, step: float, held: Contacts) -> State:
+        """The state a step [s] later by Drake's integrator, contacts and loops held."""
+        built, plant, to = self.drake.built, self.drake.plant, self.drake.built.coordinates
+        self.system.held = held
+        context = self.simulator.get_mutable_context()
+        context.SetTime(0.0)
+        plant.SetPositions(self.state_context, built.in_order(to.positions(state[0]), built.positions))
+        plant.SetVelocities(self.state_context, built.in_order(to.speeds(state[1]), built.speeds))
+        self.simulator.get_mutable_integrator().request_initial_step_size_target(min(step, self.timestep))
+        self.simulator.Initialize()
+        self.simulator.AdvanceTo(step)
+        after = built.coordinates_of(plant.get_state_output_port().Eval(self.state_context))
+        return self.projected(*after, held)
+
+    def observe(self, q: FloatArray, u: FloatArray, solved: Solved) -> Observation:
+        """Points, energies and joint forces, as Drake has them."""
+        self.drake.place(q, u)
+        self.drake.apply(self.generalized(q, u, solved, tuple(solved.contacts)))
+        seen = self.reader.observe(self.drake.context)
+        others = subtree_sums(self.mechanism, self.forces_on_bodies(q, u, solved))
+        return Observation(
+            points=seen.points,
+            kinetic_energy=seen.kinetic_energy,
+            potential_energy=seen.potential_energy + float(self.applied.potential_energy(q)),
+            reactions={name: force - others[name] for name, force in seen.reactions.items()} | dict(solved.loops),
+        )

@@ -1,0 +1,49 @@
+"""What a Drake plant shows in a context."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from trebucheck.engines.event_driver import Observation
+from trebucheck.models.arrays import FloatArray
+
+from .build import Built, in_space
+
+
+class Reader:
+    """Reads points, energies and reactions of a built plant."""
+
+    def __init__(self, built: Built) -> None:
+        self.built, self.plant = built, built.plant
+
+    def observe(self, context: Any) -> Observation:
+        """What the plant shows; reactions are those of `reaction_forces`, without what acts on the bodies beyond."""
+        mechanism = self.built.mechanism
+        return Observation(
+            points={m.name: self._point(context, m.body, m.point) for m in mechanism.markers},
+            kinetic_energy=float(self.plant.CalcKineticEnergy(context)),
+            potential_energy=float(self.plant.CalcPotentialEnergy(context)),
+            reactions=self._reactions(context),
+        )
+
+    def centre(self, context: Any, body: str) -> FloatArray:
+        """World position of a body's centre of mass [m]."""
+        return self._point(context, body, self.built.mechanism.body(body).centre)[0]
+
+    def _point(self, context: Any, body: str, point: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+        link, place = self.built.bodies[body], in_space(point)
+        pose = self.plant.EvalBodyPoseInWorld(context, link)
+        motion = self.plant.EvalBodySpatialVelocityInWorld(context, link)
+        arm = pose.rotation() @ place
+        return (pose.translation() + arm)[:2], (motion.translational() + np.cross(motion.rotational(), arm))[:2]
+
+    def _reactions(self, context: Any) -> dict[str, FloatArray]:
+        forces = self.plant.get_reaction_forces_output_port().Eval(context)
+        found: dict[str, FloatArray] = {}
+        for joint in self.built.mechanism.tree_joints:
+            if joint.held_directions:
+                carrier = self.built.carriers[joint.name]
+                turned = carrier.frame_on_child().CalcPoseInWorld(context).rotation()
+                found[joint.name] = (turned @ forces[int(carrier.index())].translational())[:2]
+        return found
