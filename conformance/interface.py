@@ -42,6 +42,11 @@ class _Subject:
     def cls(self) -> EngineClass:
         return engine_class(self.name)
 
+    @property
+    def fitting(self) -> list[str]:
+        """Problems that it declares to be able to build."""
+        return [p for p in self.problems if not missing(*given(p), self.cls.capabilities)]
+
     def made(self) -> Engine:
         return engine(self.name, self.preset)
 
@@ -124,12 +129,22 @@ def _is_made_again(s: _Subject) -> str:
     return ""
 
 
+_NONE_FITS = "none of the problems is one that it can build"
+
+
+def _moves_a_little(s: _Subject) -> str:
+    """The trajectory of a short run is a valid one."""
+    if not s.fitting:
+        return _NONE_FITS
+    s.short(s.fitting[0], s.made())
+    return ""
+
+
 def _is_the_same_again(s: _Subject) -> str:
     """The second run comes after one of another problem, so that what is kept from run to run shows."""
-    fit = [p for p in s.problems if not missing(*given(p), s.cls.capabilities)]
+    fit, made = s.fitting, s.made()
     if not fit:
-        return "none of the problems is one that it can build"
-    made = s.made()
+        return _NONE_FITS
     first = s.short(fit[0], made)
     if len(fit) > 1:
         with suppress(TrebucheckError):  # the checks of that problem say it
@@ -176,6 +191,7 @@ def _refuses_the_rest(s: _Subject) -> str:
 _CHECKS: dict[str, Callable[[_Subject], str]] = {
     "description": _describes_itself,
     "made-again": _is_made_again,
+    "short-run": _moves_a_little,
     "same-again": _is_the_same_again,
     "refuses": _refuses_the_rest,
 }

@@ -35,7 +35,7 @@ def write_skeleton(name: str, folder: Path) -> tuple[Path, ...]:
         raise InputError(f"{folder} exists; a new folder is needed, nothing is written over.")
     refuse_unwritable(folder)
     package = f"trebucheck_{name.replace('-', '_')}"
-    words = {"name": name, "package": package, "cls": f"{name.title().replace('-', '')}Engine"}
+    words = {"name": name, "package": package, "cls": f"{name.title().replace('-', '').removesuffix('Engine')}Engine"}
     contents = {
         "pyproject.toml": "pyproject.toml",
         "README.md": "README.md",

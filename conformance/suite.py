@@ -80,6 +80,7 @@ class Suite:
         references: shared by the suites of a session.
         timeout: longest wait for one run [s].
         required: whether an engine that is not installed fails.
+        isolate: run it in a process of its own.
     """
 
     def __init__(
@@ -89,9 +90,10 @@ class Suite:
         references: References | None = None,
         timeout: float = 120.0,
         required: bool = False,
+        isolate: bool = True,
     ) -> None:
         self.target, self.problems, self.required = target, tuple(problems), required
-        self._references, self._worker = references or References(), Worker(timeout)
+        self._references, self._worker = references or References(), Worker(timeout, isolate)
         self._known: dict[str, dict[str, Verdict]] = {}
         self._diagnosed = self._unfinished = 0
         self.ids = tuple(self._id(problem, check) for problem, checks in self._checks.items() for check in checks)

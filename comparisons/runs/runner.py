@@ -361,8 +361,13 @@ class Runner:
             Exception: whatever the engine raises; :func:`failure` makes a row of it.
             SimulationError: what it gave is no valid trajectory.
         """
-        trajectory = self.worker.simulate(engine, self.problem(engine, given))
-        return refuse_invalid(engine.name, trajectory, given or self.mechanism, engine.capabilities)
+        problem, longest = self.problem(engine, given), self.solution.problem.duration
+        trajectory = self.worker.simulate(engine, problem)
+        valid = refuse_invalid(engine.name, trajectory, given or self.mechanism, engine.capabilities)
+        if valid.t[-1] > longest:
+            to = f"it goes on to {valid.t[-1]:.6g} s, and {problem.duration:.6g} s was asked for"
+            raise SimulationError(f"{engine.name} gave an invalid trajectory: {to}.")
+        return valid
 
     def reference(self, t: FloatArray) -> Trajectory:
         """The reference at these times [s], shape (n,); evaluated once for each of the last few time grids."""

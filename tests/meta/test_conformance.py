@@ -1,0 +1,304 @@
+"""The suite rejects engines that are wrong in one way each, by its cheapest check, and names most of the causes."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree
+
+import dummy_engines
+import pytest
+import trebucheck as tb
+from trebucheck.cli.app import main
+from trebucheck.conformance.certificate import badge, certificate, headline, next_steps
+from trebucheck.conformance.deviations import Deviations
+from trebucheck.conformance.session import Session
+from trebucheck.conformance.suite import References, Suite, Target
+from trebucheck.conformance.verdicts import State, Verdict
+from trebucheck.engines.registry import ANNOUNCED
+
+TESTS = Path(__file__).parents[1]
+REFERENCES = References()
+PROBLEMS = ("catapult", "fixed")
+
+REJECTED: dict[str, tuple[str, str]] = {
+    "dummy_engines:OnePreset": ("interface/description", "lacks 'stock'"),
+    "dummy_engines:Versionless": ("interface/description", "version() gives None"),
+    "dummy_engines:Forgetful": ("interface/made-again", "its timestep is 0.004 instead of 0.002"),
+    "dummy_engines:Unmade": ("interface/made-again", "step is not a field"),
+    "dummy_engines:Raising": ("interface/short-run", "ZeroDivisionError: careless"),
+    "dummy_engines:Dummy_decreasing": ("interface/short-run", "t decreases after"),
+    "dummy_engines:Dummy_integers": ("interface/short-run", "t is an array of int64"),
+    "dummy_engines:Dummy_renamed_joint": ("interface/short-run", "'fulcrum!', which the mechanism does not have"),
+    "dummy_engines:Dummy_other_machine": ("interface/short-run", "of another mechanism"),
+    "wrong_engines:Wrong_nan_marker": ("interface/short-run", "is not finite"),
+    "wrong_engines:Wrong_no_trajectory": ("interface/short-run", "NoneType instead of a Trajectory"),
+    "dummy_engines:Random": ("interface/same-again", "between two runs of the same problem"),
+    "dummy_engines:Remembering": ("interface/same-again", "joint_reactions of 'fulcrum' differs"),
+    "dummy_engines:Accepter": ("interface/refuses", "and does not declare that it can"),
+    "dummy_engines:Breaker": ("interface/refuses", "IndexError"),
+    "wrong_engines:Wrong_nan": ("catapult/runs", "q is not finite at t = 1.001"),
+    "wrong_engines:Wrong_milliseconds": ("catapult/runs", "it goes on to 1944.66 s"),
+    "dummy_engines:Inspected": ("catapult/model", "mass of the arm (+2 %)"),
+    "dummy_engines:Uninspectable": ("catapult/model", "KeyError: 'hinge'"),
+    "dummy_engines:Frictional": ("catapult/position", "friction or damping of the fulcrum (viscous +200 N m s/rad)"),
+    "dummy_engines:Dummy_energy_zero": ("catapult/potential-energy", "zero of the potential energy (+500 J)"),
+    "dummy_engines:Dummy_body_axes": ("catapult/joint-reaction", "joint forces in the frame of the body"),
+    "dummy_engines:Dummy_stale_reactions": ("catapult/joint-reaction", "forces shifted in time"),
+    "dummy_engines:Dummy_noisy": ("catapult/velocity", "the motion is right"),
+    "dummy_engines:Dummy_interpolated": ("catapult/position", "position_max (projectile)"),
+    "wrong_engines:Wrong_degrees": ("catapult/angle", "degrees for radians"),
+    "wrong_engines:Wrong_anticlockwise": ("catapult/angle", "scale of the coordinates and their speeds (wrong sign)"),
+    "wrong_engines:Wrong_reaction_sign": ("catapult/joint-reaction", "scale of all joint forces (wrong sign)"),
+    "wrong_engines:Wrong_quarter_gravity": ("catapult/position", "gravity (-75 %)"),
+    "wrong_engines:Wrong_heavy": ("catapult/position", "mass of the arm (+2 %)"),
+    "wrong_engines:Wrong_swapped_markers": ("catapult/position", "projectile and counterweight exchanged"),
+    "wrong_engines:Wrong_late": ("catapult/position", "motion shifted in time"),
+    "dummy_engines:Refuser": ("fixed/runs", "it refuses what it declares: refuser has no stops"),
+    "wrong_engines:Wrong_no_torques": ("fixed/runs", "stop_torques lacks 'hanger rest'"),
+    "wrong_engines:Wrong_torque_sign": ("fixed/stop-torque", "scale of all stop torques (wrong sign)"),
+    "wrong_engines:Wrong_never_releases": ("fixed/launch-time", "reading of the hanger rest's release (never"),
+    "wrong_engines:Bilateral": ("stopped-pendulum/position", "stops by the law release-once"),
+    "dummy_engines:Dummy_swapped_coordinates": ("stopped-pendulum/angle", "the motion is right"),
+}
+"""Of each wrong engine the first check that fails, and what it says, or the cause that it names."""
+
+
+@pytest.fixture(autouse=True)
+def _announced(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a test announces is forgotten after it."""
+    monkeypatch.setenv(ANNOUNCED, "")
+
+
+def _suite(engine: str, problems: tuple[str, ...] = PROBLEMS) -> Suite:
+    return Suite(Target.of(engine), problems, REFERENCES, isolate=False)
+
+
+@pytest.mark.parametrize("engine", REJECTED)
+def test_a_wrong_engine_is_rejected_by_the_cheapest_check(engine: str) -> None:
+    check, said = REJECTED[engine]
+    own = check.startswith("stopped")
+    failed = next(v for v in _suite(engine, ("stopped-pendulum",) if own else PROBLEMS).verdicts() if v.failed)
+    assert failed.id.split("/", 2)[2] == check
+    assert said in f"{failed.text} {failed.cause}"
+
+
+def test_a_right_engine_keeps_everything_and_what_it_lacks_is_named() -> None:
+    found = list(_suite("dummy_engines:Full", (*PROBLEMS, "bead")).verdicts())
+    assert not [verdict for verdict in found if verdict.failed]
+    states = {verdict.check: verdict.state for verdict in found if verdict.problem == "fixed"}
+    assert states.pop("model") is State.SKIPPED
+    assert set(states.values()) == {State.KEPT} and {"release-time", "joint-reaction", "launch-speed"} <= states.keys()
+    assert [(v.check, v.state, v.text) for v in found if v.problem == "bead"] == [
+        ("runs", State.SKIPPED, "it has no prismatic joints")
+    ]
+    judged = [verdict for verdict in found if verdict.tolerance is not None]
+    assert len(judged) > 20 and all(v.error is not None and v.source and v.unit for v in judged)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("engine", "said"), [("Crashing", "crashed"), ("Hanging", "did not finish within 2 s")])
+def test_a_crash_or_a_hang_fails_its_problem_and_nothing_else(engine: str, said: str) -> None:
+    target = Target.of(f"dummy_engines:{engine}")
+    with Suite(target, ("catapult", "incline"), REFERENCES, timeout=2.0) as suite:
+        found = list(suite.verdicts())
+    failed = [verdict for verdict in found if verdict.failed]
+    assert [verdict.id for verdict in failed] == [f"{target.label}/catapult/runs"] and said in failed[0].text
+    assert {v.state for v in found if v.problem == "incline"} == {State.KEPT, State.SKIPPED}
+
+
+def test_an_engine_that_is_absent_is_skipped_unless_it_is_required() -> None:
+    target = Target.of("dummy_engines:Uninstalled")
+    for required, state in ((False, State.SKIPPED), (True, State.BROKEN)):
+        suite = Suite(target, ("catapult",), REFERENCES, required=required, isolate=False)
+        assert {verdict.state for verdict in suite.verdicts()} == {state}
+
+
+def _session(folder: Path, engine: str, rows: str) -> Session:
+    (folder / "known.toml").write_text(rows)
+    options = {"tier": "quick", "problem": ["catapult"], "timeout": 60.0, "json": None, "deviations": "known.toml"}
+    session = Session.of([engine], options, folder)
+    session._suites[0]._worker.isolate, session._suites[0]._references = False, REFERENCES
+    return session
+
+
+ROW = '[[deviation]]\nid = "{}"\nreason = "recorded in degrees"\nowner = "me"\n'
+
+
+def test_a_known_deviation_is_no_failure_and_a_stale_row_is_one(tmp_path: Path) -> None:
+    rows = [ROW.format(f"degrees/tuned/catapult/{check}") for check in ("angle", "position", "angel")]
+    session = _session(tmp_path, "wrong_engines:Wrong_degrees", "".join(rows))
+    found = {id: session.judged(id) for id in session.ids}
+    failed = {id.rpartition("/")[2]: verdict for id, verdict in found.items() if verdict.failed}
+    assert set(failed) == {"position", "angel"}
+    assert "stale" in failed["position"].text and "no check that there is" in failed["angel"].text
+    known = found["degrees/tuned/catapult/angle"]
+    assert known.state is State.DEVIATES and known.text.startswith("recorded in degrees (owner: me)")
+    assert not session.results.passed and "1 known deviation" in headline(session.results)
+
+
+@pytest.mark.parametrize("field", ["reason", "owner", "id"])
+def test_a_row_without_reason_or_owner_is_refused(field: str, tmp_path: Path) -> None:
+    row = "\n".join(line for line in ROW.format("a/b/c/d").splitlines() if not line.startswith(field))
+    (tmp_path / "known.toml").write_text(row)
+    with pytest.raises(tb.InputError, match=field):
+        Deviations.read(tmp_path / "known.toml")
+
+
+def test_the_certificate_says_what_to_do_first() -> None:
+    verdicts = [
+        Verdict(id="e/tuned/interface/same-again", state=State.BROKEN, text="differs"),
+        Verdict(id="e/tuned/fixed/position", state=State.BROKEN, text="far", error=2.0, tolerance=1.0, unit="m"),
+        Verdict(id="e/tuned/fixed/angle", state=State.NOT_JUDGED, text="unknown"),
+    ]
+    session = Session([], "quick", Deviations())
+    results = session.results.model_copy(update={"verdicts": tuple(verdicts)})
+    assert list(next_steps(results)) == ["same-again: differs", "e, fixed, position (also angle): far"]
+    assert not results.passed and "does not conform" in headline(results)
+    assert ElementTree.fromstring(badge(results)).attrib["role"] == "img"
+    assert certificate(results).verdict == headline(results)
+
+
+def test_check_names_quantity_error_tolerance_and_cause() -> None:
+    run = tb.check("dummy_engines:Full", "catapult", position=1e-6, launch_speed="0.1%", isolate=False)
+    assert run.engine == "full" and run.metric("position_max", "projectile") is not None
+    with pytest.raises(
+        AssertionError, match=r"(?s)position_max \(projectile\).* m, tolerance 1.0e-06 m|degrees"
+    ) as error:
+        tb.check("wrong_engines:Wrong_degrees", "catapult", angle=1e-6, isolate=False)
+    assert "degrees/tuned on 'catapult': angle_max (theta): 2.2e2 rad, tolerance 1.0e-6 rad" in str(error.value)
+    assert "degrees for radians" in str(error.value)
+    assert tb.check("wrong_engines:Wrong_degrees", "catapult", position=1e-6, isolate=False)  # what was asked for holds
+
+
+def test_check_refuses_what_it_does_not_know_and_does_not_pass_what_it_cannot_judge() -> None:
+    with pytest.raises(tb.InputError, match="quantity 'heat' is not of a judged quantity; there are: position"):
+        tb.check("dummy_engines:Full", "catapult", heat=1.0)
+    with pytest.raises(tb.EngineNotInstalledError):
+        tb.check("dummy_engines:Uninstalled", "catapult")
+    with pytest.raises(AssertionError, match="release: not judged: this motion has none"):
+        tb.check("dummy_engines:Full", "catapult", release=1e-6, isolate=False)
+    with pytest.raises(AssertionError, match="not judged"):
+        tb.check("dummy_engines:Full", "catapult", position=1e-18, isolate=False)
+
+
+def _pytest(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """In a process, as from a terminal; the plug-in is loaded by its entry point where trebucheck is installed."""
+    announced = importlib.metadata.entry_points(group="pytest11", name="trebucheck")
+    load = [] if announced else ["-p", "trebucheck.conformance.plugin"]
+    path = os.pathsep.join([str(TESTS), *filter(None, [os.environ.get("PYTHONPATH")])])
+    command = [sys.executable, "-m", "pytest", *load, "-p", "no:cacheprovider", *arguments]
+    environment = {**os.environ, "PYTHONPATH": path}
+    environment.pop("PYTEST_ADDOPTS", None)
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=environment)
+
+
+@pytest.mark.slow
+def test_pytest_runs_the_suite_from_a_strangers_folder_and_none_of_its_tests(tmp_path: Path) -> None:
+    (tmp_path / "test_own.py").write_text("def test_own():\n    raise AssertionError\n")
+    (tmp_path / "known.toml").write_text(ROW.format("degrees/*/catapult/angle"))
+    asked = ["--trebucheck", "wrong_engines:Wrong_degrees", "--trebucheck-problem", "catapult"]
+    files = ["--junitxml", "j.xml", "--trebucheck-json", "r.json", "--trebucheck-deviations", "known.toml"]
+    done = _pytest(tmp_path, *asked, *files, "--require-engine", "degrees")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "1 xfailed" in done.stdout and "test_own" not in done.stdout
+    cases = {c.attrib["name"]: c for c in ElementTree.parse(tmp_path / "j.xml").iter("testcase")}
+    position = cases["degrees.tuned.catapult.position"]
+    properties = {p.attrib["name"]: p.attrib["value"] for p in position.iter("property")}
+    assert float(properties["error"]) <= float(properties["tolerance"]) and properties["source"].startswith("default")
+    written = json.loads((tmp_path / "r.json").read_text())
+    assert written["format"] == "trebucheck-conformance-1" and written["engines"] == {"degrees/tuned": "1.0"}
+    assert len(written["verdicts"]) == len(cases)
+
+
+TEST_OF_ONES_OWN = """
+import trebucheck as tb
+
+def test_here(trebucheck):
+    trebucheck.check("dummy_engines:Full", "catapult", position=1e-6, isolate=False)
+
+def test_absent(trebucheck):
+    trebucheck.check("dummy_engines:Uninstalled", "catapult")
+"""
+
+
+@pytest.mark.slow
+def test_the_fixture_skips_what_is_absent_and_a_required_engine_may_not_be_skipped(tmp_path: Path) -> None:
+    (tmp_path / "test_own.py").write_text(TEST_OF_ONES_OWN)
+    done = _pytest(tmp_path, "-q", "test_own.py")
+    assert done.returncode == 0 and "1 passed, 1 skipped" in done.stdout, done.stdout + done.stderr
+    done = _pytest(tmp_path, "-q", "-k", "absent", "--require-engine", "full")
+    assert done.returncode == 1 and "--require-engine full: no test of it has run" in done.stdout, done.stdout
+
+
+def test_the_plug_in_costs_a_strangers_run_nothing() -> None:
+    code = "import sys, pytest, trebucheck.conformance.plugin; print({'numpy', 'pydantic', 'scipy'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
+
+
+def test_the_command_line_writes_the_certificate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code = main(["conform", "dummy_engines:Uninstalled", "--problem", "catapult", "--out", str(tmp_path / "out")])
+    assert code == 1 and "uninstalled/tuned 1.0 does not conform" in capsys.readouterr().out
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        "badge.svg", "certificate.html", "conformance.json",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["no-such-engine"], "there is no engine 'no-such-engine'"),
+        (["no_such_package:Engine"], "cannot be loaded"),
+        (["dummy_engines:Full/fast"], "full has no preset 'fast'; there are: tuned, stock"),
+        (["reference", "--tier", "huge"], "tier = 'huge' is unknown; there are: quick, standard, full"),
+        (["reference", "--problem", "pendulun"], "did you mean 'pendulum'?"),
+        (["reference", "--timeout", "0"], "timeout = 0.0 s must be positive"),
+        (["reference", "--deviations", "none.toml"], "none.toml cannot be read"),
+    ],
+)
+def test_wrong_input_is_one_sentence(refused: object, arguments: list[str], said: str) -> None:
+    assert said in refused("conform", *arguments)  # type: ignore[operator]
+
+
+def test_the_skeleton_is_whole_and_red_in_its_first_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "new"
+    assert main(["plugin", "new", "my-engine", "--out", str(folder)]) == 0
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    assert main(["plugin", "new", "my-engine", "--out", str(folder)]) == 2
+    assert before == {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    monkeypatch.syspath_prepend(str(folder))
+    suite = _suite("trebucheck_my_engine:MyEngine", ("catapult", "fixed"))
+    found = list(suite.verdicts())
+    assert next(verdict.check for verdict in found if verdict.failed) == "short-run"
+    assert "step 1 of engine.py" in next(verdict.text for verdict in found if verdict.failed)
+    assert {v.text for v in found if v.problem == "fixed"} >= {
+        "it has no bodies without inertia about their centre of mass, no stops on angles, no release-once law of the "
+        "stops"
+    }
+
+
+@pytest.fixture
+def own_engine(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """The guide's."""
+    monkeypatch.syspath_prepend(str(TESTS.parent / "examples"))
+    yield "own_engine:ScipyBodies"
+    sys.modules.pop("own_engine", None)
+
+
+def test_the_guides_engine_is_whole_and_right(own_engine: str) -> None:
+    assert (TESTS.parent / "examples" / "own_engine.py").read_text().count("\n") <= 150
+    found = list(_suite(own_engine).verdicts())
+    assert not [verdict for verdict in found if verdict.failed]
+    kept = {verdict.check for verdict in found if verdict.problem == "fixed" and verdict.state is State.KEPT}
+    assert {"model", "position", "stop-torque", "release-time", "joint-reaction", "launch-time"} <= kept
+
+
+def test_every_dummy_is_tried() -> None:
+    tried = {name.partition(":")[2] for name in REJECTED}
+    assert {cls.__name__ for cls in dummy_engines.SPOILED.values()} - tried == {"Dummy_late_all"}
