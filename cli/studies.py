@@ -87,7 +87,7 @@ def compare_command(
             progress=lambda case, done, of: show(f"{case.model}: {case.label}", done, of),
             **own,
         )
-    results = comparison.results.made_by(output.command_line(context), jobs)
+    results = comparison.results.made_by(output.command_line(context), store.most_jobs(jobs))
     _publish(replace(comparison, results=results), out, store, output.Told(quiet, json))
     if not comparison.passed:
         raise typer.Exit(1)

@@ -170,7 +170,7 @@ class MachineRuns:
         if kept is None:
             self.store.made.add(self.store.path(case.model, case.label).stem)
             kept = self.runner.simulate(engine)
-            self.store.keep(kept, case.model, case.label, made_by)
+            self.store.keep(kept, case.model, case.label, made_by, self.runner.worker.jobs)
         return kept
 
     def _keep(self, case: Case, engine: Engine, run: Run) -> None:

@@ -61,7 +61,7 @@ def converge(study: Study, chosen: Sequence[str] | None = None) -> Studies:
             for each in moved
             if (model := each.mechanism.name) in known
         ]
-    return Studies.made_here(machines=tuple(machines), failures=failures, jobs=study.jobs)
+    return Studies.made_here(machines=tuple(machines), failures=failures, jobs=study.timed_at_once)
 
 
 def _uncertainties(

@@ -54,7 +54,7 @@ def explain(study: Study) -> Explanation:
         budgets=tuple(each for each in parts if isinstance(each, Budget)),
         comparisons=tuple(each for each in parts if isinstance(each, StockAgainstTuned)),
         failures=failures,
-        jobs=study.jobs,
+        jobs=study.timed_at_once,
     )
 
 

@@ -80,7 +80,7 @@ def recommend(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advic
         sets = {name: option_sets(name) if engine_class(name).is_installed() else () for name in names}
         count = Counter(sum(map(len, sets.values())), study.progress)
         advice = tuple(_advice(name, sets[name], family, count, study.jobs) for name in names)
-    return _whole(family, asked, advice)
+    return _whole(family, asked, advice).model_copy(update={"jobs": study.timed_at_once})
 
 
 def _family(model: str | Mechanism | Problem, study: Study, count: int, case: _MakeCase) -> _Family:

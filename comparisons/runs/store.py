@@ -34,6 +34,8 @@ class _Kept(Spec, Generic[_S]):
     """SHA-256 of everything that made the content, :func:`conditions`."""
     checksum: str
     """SHA-256 of the content."""
+    jobs: int = 1
+    """Runs made at once when its times were taken."""
     content: _S
 
 
@@ -61,6 +63,8 @@ class Store:
     """Names of runs used again."""
     made: set[str] = field(default_factory=set[str], init=False, compare=False)
     """Names of runs made now."""
+    jobs: dict[str, int] = field(default_factory=dict[str, int], init=False, compare=False)
+    """Of each run taken or kept, how many were made at once when it was timed."""
 
     @property
     def tally(self) -> str | None:
@@ -68,6 +72,10 @@ class Store:
         if not self.resume:
             return None
         return f"Runs: {len(self.taken)} taken from the folder, {len(self.made)} made now."
+
+    def most_jobs(self, jobs: int) -> int:
+        """How many runs at once disturbed the times of those here; `jobs` of them where none was taken or kept."""
+        return max(self.jobs.values(), default=jobs)
 
     def path(self, model: str, label: str) -> Path:
         """Where a trajectory is kept."""
@@ -82,7 +90,7 @@ class Store:
         """
         path = self.path(model, label)
         # The checksum is compared before the file is opened: HDF5 may end the process over a broken one.
-        file = self._read(self._beside(path), _File, conditions)
+        file = self._read(path.stem, self._beside(path), _File, conditions)
         if file is None or file.sha256 != digest(path):
             return None
         try:
@@ -100,15 +108,19 @@ class Store:
         """
         return load(self.path(model, label))
 
-    def keep(self, trajectory: Trajectory, model: str, label: str, conditions: str) -> None:
+    def keep(self, trajectory: Trajectory, model: str, label: str, conditions: str, jobs: int = 1) -> None:
         """Write a trajectory.
+
+        Args:
+            jobs: runs made at once when it was.
 
         Raises:
             InputError: the folder cannot be written to.
         """
         path = self.path(model, label)
         save(trajectory, path)
-        _write(self._beside(path), _File(sha256=digest(path) or ""), conditions)
+        self.jobs[path.stem] = jobs
+        self._write(path.stem, self._beside(path), _File(sha256=digest(path) or ""), conditions)
 
     def _beside(self, path: Path) -> Path:
         """The record of a trajectory's file."""
@@ -116,18 +128,22 @@ class Store:
 
     def record(self, name: str, kind: type[_S], conditions: str) -> _S | None:
         """A kept record, made under these conditions; None if there is none, or it was changed."""
-        return None if self.records is None else self._read(self.records / f"{name}.json", kind, conditions)
+        return None if self.records is None else self._read(name, self.records / f"{name}.json", kind, conditions)
 
-    def keep_record(self, name: str, record: Spec, conditions: str) -> None:
+    def keep_record(self, name: str, record: Spec, conditions: str, jobs: int = 1) -> None:
         """Write a record.
+
+        Args:
+            jobs: runs made at once when its times were taken; at least as many as for what it was made from.
 
         Raises:
             InputError: the folder cannot be written to.
         """
         if self.records is not None:
-            _write(self.records / f"{name}.json", record, conditions)
+            self.jobs[name] = max(jobs, self.jobs.get(name, 1))  # what was timed before may be timed once more
+            self._write(name, self.records / f"{name}.json", record, conditions)
 
-    def _read(self, path: Path, kind: type[_S], conditions: str) -> _S | None:
+    def _read(self, name: str, path: Path, kind: type[_S], conditions: str) -> _S | None:
         if not (self.resume and path.is_file()):
             return None
         try:
@@ -135,12 +151,14 @@ class Store:
         except InputError:
             return None
         same = kept.conditions == conditions and kept.checksum == kept.content.content_hash
-        return kept.content if same else None
+        if not same:
+            return None
+        self.jobs[name] = max(kept.jobs, self.jobs.get(name, 1))
+        return kept.content
 
-
-def _write(path: Path, record: Spec, conditions: str) -> None:
-    kept = _Kept[type(record)](conditions=conditions, checksum=record.content_hash, content=record)
-    write_text(path, kept.model_dump_json())
+    def _write(self, name: str, path: Path, record: Spec, conditions: str) -> None:
+        made_by = {"conditions": conditions, "checksum": record.content_hash, "jobs": self.jobs[name]}
+        write_text(path, _Kept[type(record)](**made_by, content=record).model_dump_json())
 
 
 def digest(path: Path) -> str | None:

@@ -181,6 +181,11 @@ class Study:
         step = float(f"{made.timestep * time:.2g}")
         return registry.engine(made.name, made.preset, **{**own, "timestep": step})
 
+    @property
+    def timed_at_once(self) -> int:
+        """How many runs at once disturbed the times of those that were made, or taken from the store."""
+        return self.jobs if self.store is None else self.store.most_jobs(self.jobs)
+
     def worker(self) -> Worker:
         """The processes in which engines run; this one, unless they are isolated."""
         return Worker(self.timeout, self.isolate, self.jobs)

@@ -268,7 +268,7 @@ class Trials:
             known = self._known.get(key) or self._kept(key, made_by)
             trial = self._timed(known or self._run(engine, given), engine, given, repeats)
             if self._store and trial is not known:
-                self._store.keep_record(key, trial, made_by)
+                self._store.keep_record(key, trial, made_by, self.runner.worker.jobs)
             self._known[key] = trial
             return trial
 

@@ -11,8 +11,11 @@ from pathlib import Path
 
 import pytest
 import trebucheck as tb
+from trebucheck.cli.app import main
+from trebucheck.comparisons.compare.stored import read_results
 from trebucheck.comparisons.compare.study import Comparison, compare_study
 from trebucheck.comparisons.runs import store as store_module
+from trebucheck.comparisons.runs.runner import Worker
 from trebucheck.comparisons.runs.store import Store, conditions, plug_in_digest
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Trials
@@ -153,3 +156,36 @@ def test_the_settings_of_an_engine_are_among_the_conditions() -> None:
     engines = [tb.engine("reference"), tb.engine("reference", timestep=2e-3), tb.engine("reference", rtol=1e-11)]
     all_conditions = {conditions(engine=engine) for engine in engines} | {conditions("1", "2"), conditions("12")}
     assert len(all_conditions) == 5
+
+
+@pytest.mark.parametrize("lost", [None, "runs/fixed-reference-tuned.json"])
+def test_times_taken_from_a_store_are_still_of_as_many_runs_at_once(
+    lost: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whether the whole run is taken, or its trajectory alone; what is made anew is disturbed by nothing."""
+    monkeypatch.setattr(Study, "worker", lambda study: Worker(isolate=False, jobs=study.jobs))
+    out = ["compare", "--models", "fixed", "--engines", "reference", "--preset", "tuned", "--until", "0.5"]
+    found: list[int] = []
+    for more in (["--jobs", "2"], ["--resume"], ["--resume"], []):
+        assert main([*out, "--out", str(tmp_path), *more]) == 0
+        found.append(read_results(tmp_path).jobs)
+        assert ("2 runs at once" in (tmp_path / "report.html").read_text()) == (found[-1] == 2)
+        if lost:
+            (tmp_path / lost).unlink()
+    assert found == [2, 2, 2, 1]
+
+
+@pytest.mark.slow
+def test_trials_taken_from_a_store_are_still_of_as_many_runs_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Study, "worker", lambda study: Worker(isolate=False, jobs=study.jobs))
+    machine = ["--model", "pendulum", "--engines", "pymunk", "--out", str(tmp_path)]
+    commands = {
+        "explain": ["--preset", "tuned", "--until", "0.1", "--timestep", "5e-3"],
+        "recommend": ["--position", "1e-2", "--until", "0.1", "--neighbours", "0"],
+    }
+    for command, more in commands.items():
+        for run in (["--jobs", "2"], ["--resume"]):
+            assert main([command, *machine, *more, *run]) == 0
+            assert json.loads((tmp_path / f"{command}.json").read_text())["jobs"] == 2
