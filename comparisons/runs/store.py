@@ -157,8 +157,9 @@ class Store:
         return kept.content
 
     def _write(self, name: str, path: Path, record: Spec, conditions: str) -> None:
-        made_by = {"conditions": conditions, "checksum": record.content_hash, "jobs": self.jobs[name]}
-        write_text(path, _Kept[type(record)](**made_by, content=record).model_dump_json())
+        checksum, jobs = record.content_hash, self.jobs[name]
+        kept = _Kept[type(record)](conditions=conditions, checksum=checksum, jobs=jobs, content=record)
+        write_text(path, kept.model_dump_json())
 
 
 def digest(path: Path) -> str | None:
