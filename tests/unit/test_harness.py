@@ -260,6 +260,14 @@ def _without_times(results: Results) -> Results:
 
 
 @pytest.mark.slow
+def test_diagnoses_are_the_same_however_many_are_made_at_once() -> None:
+    study = Study(["pendulum"], ["pymunk"], options={"timestep": 2e-2}, until=1.0, isolate=False)
+    here, at_once = (compare_study(each).results for each in (study, replace(study, isolate=True, jobs=2)))
+    assert _without_times(at_once) == _without_times(here)
+    assert any(run.diagnosis and run.diagnosis.causes for run in here.runs)
+
+
+@pytest.mark.slow
 @pytest.mark.usefixtures("third_party")
 def test_an_engine_that_never_ends_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
     """The limit is the run's alone: on a busy machine the reference and the model check may take as long."""
