@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from ..models.errors import SimulationError, TrebucheckError, shortened
-from . import animate, catalogue, certify, conform, data, diff, figures, plugin, problems, run, studies, throw
+from . import animate, catalogue, certify, conform, data, diff, figures, importer, plugin, problems, run, studies, throw
 from .output import printable
 
 app = typer.Typer(
@@ -45,6 +45,7 @@ for name, command in {
     "paper": studies.paper_command,
     "problems": problems.problems_command,
     "data": data.data_command,
+    "importer": importer.importer_command,
     "figures": figures.figures_command,
     "engines": catalogue.engines_command,
 }.items():

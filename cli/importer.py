@@ -1,0 +1,71 @@
+"""`trebucheck importer`: a reader of MJCF files against models whose motion is certified."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from . import options, output
+
+
+def importer_command(
+    context: typer.Context,
+    loader: Annotated[
+        str, typer.Argument(help="Function that loads a file: my_package:load, or path/to/my_file.py:load.")
+    ],
+    python: Annotated[
+        Path | None, typer.Option("--python", help="Python that has the importer, and NumPy; this one by default.")
+    ] = None,
+    models: Annotated[
+        str | None, typer.Option("--models", "--model", help="Models of the zoo or machines; all by default.")
+    ] = None,
+    timestep: Annotated[
+        float, typer.Option("--timestep", help="Longest step of the coarser of two runs of each motion (s).")
+    ] = 1e-3,
+    timeout: Annotated[float, typer.Option("--timeout", help="Longest wait for an answer of the importer (s).")] = 60.0,
+    out: Annotated[
+        Path | None, options.out("Folder for importer.json, and importer.md with reports of faults.")
+    ] = None,
+    quiet: options.Quiet = False,
+    json: options.Json = False,
+) -> None:
+    """Check an importer of MJCF against small models of one feature each, and against the machines.
+
+    Total mass, mass matrix and accelerations at three states, ranges, the start, the motion up to the first event and
+    after it, and the force at rest are held against certified values. The importer runs in a process of its own, which
+    may crash. What its loader returns is described in docs/importers.md; what it does not offer is not judged. The exit
+    code is 1 if anything is wrong.
+
+    Examples:
+    trebucheck importer my_package:load --python ../other/.venv/bin/python --out findings
+
+    trebucheck importer load.py:load --models hinge,armature,connect
+    """
+    from ..comparisons.importer import report
+    from ..comparisons.importer.study import check_importer
+    from ..comparisons.report import markdown
+    from ..models.files import refuse_unwritable, write_text
+
+    told = output.Told(quiet, json)
+    if out is not None:
+        refuse_unwritable(out, "importer.json")
+    with output.progress("importer", told=told) as progress:
+        results = check_importer(
+            loader, python=python or Path(sys.executable), models=options.names(models, "--models") if models else (),
+            timestep=options.positive(timestep, "--timestep"), timeout=options.positive(timeout, "--timeout"),
+            progress=progress,
+        ).made_by(output.command_line(context))  # fmt: skip
+    written: dict[str, Path] = {}
+    if out is not None:
+        written = {"Report": out / "importer.md", "Data": out / "importer.json"}
+        write_text(written["Report"], markdown.text(report.page(results, loader)))
+        write_text(written["Data"], results.to_json())
+    if json:
+        typer.echo(results.to_json())
+    else:
+        output.show(report.document(results), told, **written)
+    if not results.holds:
+        raise typer.Exit(1)

@@ -1,0 +1,55 @@
+"""Pinocchio: a model for algorithms, here moved by its `aba` in a Runge-Kutta method of this adapter."""
+
+import numpy as np
+import pinocchio
+
+
+class Model:
+    """A model and its data. It has no limits, contacts or loops in `aba`."""
+
+    integrator = "aba in an RK4 of the adapter"
+    lacks = ("limits", "loops", "contact")
+
+    def __init__(self, path: str) -> None:
+        self.model = pinocchio.buildModelFromMJCF(path)
+        self.data = self.model.createData()
+        self.joints = list(self.model.names)[1:]
+        self.versions = {"pin": pinocchio.__version__}
+
+    def total_mass(self) -> float:
+        return pinocchio.computeTotalMass(self.model)
+
+    def mass_matrix(self, q: np.ndarray) -> np.ndarray:
+        upper = np.triu(pinocchio.crba(self.model, self.data, q))
+        return upper + np.triu(upper, 1).T
+
+    def acceleration(self, q: np.ndarray, u: np.ndarray) -> np.ndarray:
+        return pinocchio.aba(self.model, self.data, q, u, np.zeros_like(u)).copy()
+
+    def limits(self) -> dict[str, tuple[float, float]]:
+        ends = zip(self.model.lowerPositionLimit, self.model.upperPositionLimit, strict=True)
+        return dict(zip(self.joints, ends, strict=True))
+
+    def start(self) -> tuple[np.ndarray]:
+        return (self.model.referenceConfigurations["home"],)  # it keeps no speeds
+
+    def simulate(self, q: np.ndarray, u: np.ndarray, interval: float, count: int, steps: int) -> np.ndarray:
+        h, state, n = interval / steps, np.concatenate([q, u]), len(q)
+
+        def rate(state: np.ndarray) -> np.ndarray:
+            return np.concatenate([state[n:], self.acceleration(state[:n], state[n:])])
+
+        positions = [q]
+        for _ in range(count):
+            for _ in range(steps):
+                a = rate(state)
+                b = rate(state + h / 2 * a)
+                c = rate(state + h / 2 * b)
+                state = state + h / 6 * (a + 2 * b + 2 * c + rate(state + h * c))
+            positions.append(state[:n])
+        return np.array(positions)
+
+
+def load(path: str) -> Model:
+    """A file."""
+    return Model(path)
