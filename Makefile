@@ -2,6 +2,7 @@
 # make test     set up, run the whole test suite
 # make quick    the fast tier: no engine simulates (under a minute)
 # make plugins  the engines of others: an environment each, their tests, plugins/results/*.json
+# make importers  what reads MJCF: an environment each, importers/*/results.json (half an hour)
 # make docs     the documentation as a site, in site/
 PYTHON ?= python3
 VENV   ?= .venv
@@ -11,7 +12,7 @@ OPEN   ?= $(shell command -v xdg-open || command -v open || echo true)
 
 PLUGINS ?= $(patsubst plugins/%/pyproject.toml,%,$(wildcard plugins/*/pyproject.toml))
 
-.PHONY: report test quick lint types generated docs benchmark plugins clean
+.PHONY: report test quick lint types generated docs benchmark plugins importers clean
 
 # The wheel is installed, not the checkout: that proves that it is complete, and is what type checkers resolve.
 $(VENV)/installed: $(SOURCES) constraints.txt
@@ -50,5 +51,9 @@ benchmark: $(VENV)/installed
 plugins:
 	$(PYTHON) plugins/run.py . $(PLUGINS)
 
+importers: $(VENV)/installed
+	$(PYTHON) importers/run.py $(abspath $(BIN)/trebucheck) $(IMPORTERS)
+	$(BIN)/python docs/generate.py importers
+
 clean:
-	rm -rf $(VENV) .plugins build report site *.egg-info
+	rm -rf $(VENV) .plugins .importers build report site *.egg-info

@@ -36,6 +36,8 @@ class ImporterProcess:
     printed: list[str] = field(default_factory=list[str], init=False)
     """What it printed since the list was emptied."""
     _process: subprocess.Popen[str] | None = field(default=None, init=False)
+    _loaded: str | None = field(default=None, init=False)
+    """The file that was loaded last; again, where the process had to be started again."""
     _lines: SimpleQueue[str] = field(default_factory=SimpleQueue[str], init=False)
 
     def __post_init__(self) -> None:
@@ -62,6 +64,9 @@ class ImporterProcess:
         """
         if self._process is None:
             self._start()
+            if name != "load" and self._loaded is not None:
+                self._ask({"call": "load", "arguments": [self._loaded]})
+        self._loaded = str(arguments[0]) if name == "load" else self._loaded
         answer = self._ask({"call": name, "arguments": arguments})
         if "error" in answer:
             raise SimulationError(shortened(str(answer["error"])))
@@ -111,8 +116,11 @@ class ImporterProcess:
         """How it ended by itself."""
         process, self._process = self._process, None
         assert process is not None
-        code = process.wait()
-        told = process.stderr.read().strip().splitlines() if process.stderr else []
+        with suppress(BrokenPipeError):
+            process.stdin.close() if process.stdin else None
+        process.stdin = None
+        told = process.communicate()[1].strip().splitlines()
+        code = process.returncode
         how = f"crashed ({signal.Signals(-code).name})" if code < 0 else f"ended with exit code {code}"
         return f"the process {how}{': ' + told[-1] if told else ''}."
 

@@ -1,5 +1,7 @@
 """Pinocchio: a model for algorithms, here moved by its `aba` in a Runge-Kutta method of this adapter."""
 
+import xml.etree.ElementTree as ET
+
 import numpy as np
 import pinocchio
 
@@ -13,7 +15,8 @@ class Model:
     def __init__(self, path: str) -> None:
         self.model = pinocchio.buildModelFromMJCF(path)
         self.data = self.model.createData()
-        self.joints = list(self.model.names)[1:]
+        found = zip(list(self.model.names)[1:], list(self.model.joints)[1:], strict=True)
+        self.joints = [name for own, joint in found for name in _joints(path, own, joint.nq)]
         self.versions = {"pin": pinocchio.__version__}
 
     def total_mass(self) -> float:
@@ -48,6 +51,14 @@ class Model:
                 state = state + h / 6 * (a + 2 * b + 2 * c + rate(state + h * c))
             positions.append(state[:n])
         return np.array(positions)
+
+
+def _joints(path: str, name: str, count: int) -> list[str]:
+    """Names in the file of what became one joint: several joints of a body are a composite, named after the first."""
+    if count == 1:
+        return [name]
+    bodies = ([joint.get("name", "") for joint in body.findall("joint")] for body in ET.parse(path).iter("body"))
+    return next(names for names in bodies if names and name == f"Composite_{names[0]}")
 
 
 def load(path: str) -> Model:
