@@ -28,6 +28,10 @@ from trebucheck.comparisons.data.files import names, publish
 from trebucheck.comparisons.diff.data import DifferenceData
 from trebucheck.comparisons.explain.results import Explanation
 from trebucheck.comparisons.mjcf.events import record_motion
+from trebucheck.comparisons.importer.files import publish as publish_zoo
+from trebucheck.comparisons.importer.report import overview, versions_table
+from trebucheck.comparisons.importer.report import page as page_of_importer
+from trebucheck.comparisons.importer.results import ImporterResults
 from trebucheck.comparisons.problems.check import check
 from trebucheck.comparisons.problems.report import library
 from trebucheck.comparisons.recommend import Advice
@@ -215,6 +219,20 @@ def write_commands() -> None:
     (ROOT / "docs" / "commands.md").write_text(f"<!-- written by docs/generate.py -->\n{text.strip()}\n")
 
 
+def write_importers() -> None:
+    """The tables of what reads MJCF, and a page of each importer with reports of its faults."""
+    texts = {path.parent.name: path.read_text() for path in (ROOT / "importers").glob("*/results.json")}
+    importers = {name: ImporterResults.from_json(texts[name]) for name in sorted(texts, key=str.lower)}
+    page = ROOT / "docs" / "importers.md"
+    text = _with_block(page.read_text(), "versions", markdown.text(versions_table(importers)))
+    page.write_text(_with_block(text, "importers", markdown.text(overview(importers), signs=True)))
+    folder = ROOT / "docs" / "importers"
+    folder.mkdir(exist_ok=True)
+    for name, results in importers.items():
+        written = markdown.text(page_of_importer(results, name))
+        (folder / f"{name}.md").write_text(f"<!-- written by docs/generate.py -->\n{written}")
+
+
 def write_api() -> None:
     """The page of all public names, from their docstrings."""
     parts = ["<!-- written by docs/generate.py -->\n# API\n\n`import trebucheck as tb`; SI units and radians.\n"]
@@ -268,6 +286,7 @@ def write_trajectories() -> None:
     """The certified trajectories."""
     for name in names():
         publish(name, ROOT / "comparisons" / "data" / "trajectories")
+    publish_zoo(ROOT / "models" / "zoo" / "files")
 
 
 def write_mjcf() -> None:
@@ -291,6 +310,7 @@ PARTS: dict[str, Callable[[], None]] = {
     "readme": write_readme,
     "tutorial": lambda: console.refresh(ROOT / "docs" / "tutorial.md"),
     "commands": write_commands,
+    "importers": write_importers,
     "api": write_api,
     "notebook": lambda: notebook.execute(ROOT / "examples" / "notebook.ipynb"),
 }

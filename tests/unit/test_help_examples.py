@@ -15,7 +15,12 @@ pytestmark = pytest.mark.usefixtures("kept_processes")
 
 LONG = ("compare", "converge", "explain", "recommend", "paper", "certify", "animate")
 """Of these, all is done but for the work in their processes."""
-NEEDS = {"diff": "results of earlier comparisons", "figures": "results of an earlier comparison", "view": "a screen"}
+NEEDS = {
+    "diff": "results of earlier comparisons",
+    "figures": "results of an earlier comparison",
+    "view": "a screen",
+    "importer": "an importer",
+}
 
 
 def _commands(group: typer.core.TyperGroup, path: tuple[str, ...] = ()) -> dict[tuple[str, ...], str]:
