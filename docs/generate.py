@@ -27,11 +27,11 @@ from trebucheck.comparisons.converge.results import Studies
 from trebucheck.comparisons.data.files import names, publish
 from trebucheck.comparisons.diff.data import DifferenceData
 from trebucheck.comparisons.explain.results import Explanation
-from trebucheck.comparisons.mjcf.events import record_motion
 from trebucheck.comparisons.importer.files import publish as publish_zoo
 from trebucheck.comparisons.importer.report import overview, versions_table
 from trebucheck.comparisons.importer.report import page as page_of_importer
 from trebucheck.comparisons.importer.results import ImporterResults
+from trebucheck.comparisons.mjcf.events import record_motion
 from trebucheck.comparisons.problems.check import check
 from trebucheck.comparisons.problems.report import library
 from trebucheck.comparisons.recommend import Advice
