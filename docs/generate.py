@@ -16,6 +16,7 @@ from types import ModuleType
 from typing import Any
 
 import console
+import mjcf
 import notebook
 import trebucheck as tb
 import typer
@@ -290,12 +291,13 @@ def write_trajectories() -> None:
 
 
 def write_mjcf() -> None:
-    """The machines' MJCF, with the events of their certified motions."""
+    """The machines' MJCF, with the events of their certified motions and pictures."""
     for name in models():
         folder, mechanism = ROOT / "models" / "mjcf" / name, tb.model(name)
         motion = record_motion(mechanism)
         (folder / RECORDED_FILE).write_text(motion.model_dump_json() + "\n")
         write_model_folder(mechanism, folder, motion=motion)
+        mjcf.draw(mechanism, motion, folder)
 
 
 PARTS: dict[str, Callable[[], None]] = {

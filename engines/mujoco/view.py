@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...models.errors import SimulationError
 from ...models.mechanism import Mechanism
-from ...models.mjcf.appearance import scene
+from ...models.mjcf.scene import scene
 from ...models.mjcf.writer import mjcf, model_file
 from .build import start_data
 from .reference_acceleration import CALLBACK, mujoco

@@ -15,6 +15,7 @@ from ..force_elements import ConstantForce, ConstantTorque, RotationalSpringDamp
 from ..joints import GROUND
 from ..mechanism import Mechanism
 from ..spec import Vector
+from .appearance import reach_of
 from .text import from_origin, number, spatial
 from .tree import add_angle_tendon, start_angles
 
@@ -49,7 +50,13 @@ class Forces:
         """Springs and dampers, and what constant torques act on."""
         for spring in self._of(SpringDamper):
             spatial_tendon = ET.SubElement(
-                tendon, "spatial", _strength(spring), name=_tendon(spring), springlength=number(spring.rest_length)
+                tendon,
+                "spatial",
+                _strength(spring),
+                name=_tendon(spring),
+                springlength=number(spring.rest_length),
+                width=number(round(0.006 * reach_of(self.mechanism), 6)),
+                rgba="0.35 0.45 0.60 1",
             )
             for end in _ends(spring):
                 ET.SubElement(spatial_tendon, "site", site=end)

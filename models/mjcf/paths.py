@@ -10,7 +10,7 @@ from typing import Any
 
 from ..errors import EngineNotInstalledError, InputError
 from ..machines.registry import model, models
-from .appearance import SCENE_FILE
+from .scene import SCENE_FILE
 from .writer import model_file
 
 

@@ -128,9 +128,8 @@ class Points:
             if wall.body != GROUND:
                 continue
             behind = wall.offset - radius
-            look = {"rgba": "0.60 0.55 0.45 0.4"} if wall.visible else {"group": "4"}
             ET.SubElement(
-                world, "geom", look, name=wall.geoms["geom1"], type="plane", size=numbers(size, 0.1 * size, size),
+                world, "geom", group="4", name=wall.geoms["geom1"], type="plane", size=numbers(size, 0.1 * size, size),
                 pos=spatial((wall.normal[0] * behind, wall.normal[1] * behind)), zaxis=spatial(wall.normal),
             )  # fmt: skip
         self._add_anchors(world, GROUND, (0.0, 0.0))
@@ -217,7 +216,7 @@ class Points:
         return ET.SubElement(element, "body", name=f"{name}/point", pos=from_origin(origin, point))
 
     def _add_ball(self, element: ET.Element, name: str) -> None:
-        ET.SubElement(element, "geom", name=f"{name}/ball", type="sphere", size=number(self._radius))
+        ET.SubElement(element, "geom", name=f"{name}/ball", type="sphere", group="4", size=number(self._radius))
 
 
 def _angle(joint: AnyJoint) -> str:

@@ -26,11 +26,12 @@ from ..kinematics import initial_state
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
 from ..stops import PointStop, Stop
-from .appearance import SCENE_FILE, add_shapes, add_stand, scene
+from .appearance import Appearance
 from .forces import Forces
 from .names import names_in, rename, valid_names
 from .points import Points, force_sensor, torque_sensor
 from .recorded import HOME, RecordedMotion
+from .scene import SCENE_FILE, scene
 from .text import as_text, from_origin, number, numbers, spatial
 from .tree import add_angle_tendon, hinge_weights, joint_values, slide_joints, start_angles
 
@@ -129,7 +130,7 @@ def write_model_folder(
         UnsupportedProblemError: as :func:`mjcf`.
     """
     model = model_file(mechanism)
-    texts = {model: mjcf(mechanism, timestep, motion), SCENE_FILE: scene(mechanism, model)}
+    texts = {model: mjcf(mechanism, timestep, motion), SCENE_FILE: scene(mechanism, model, motion)}
     for name, text in texts.items():
         write_text(Path(folder) / name, text)
     return Path(folder) / model, Path(folder) / SCENE_FILE
@@ -145,6 +146,7 @@ class _Writer:
         self.angle = start_angles(mechanism)
         self.slide = dict(zip(mechanism.coordinates, self.start, strict=True))
         self.ranges: dict[str, list[float]] = {}
+        self.appearance = Appearance(mechanism)
         self.points, self.forces = Points(mechanism), Forces(mechanism)
         self.on_tendon = tuple(stop for stop in mechanism.angle_stops if not self._fits_its_joint(stop))
 
@@ -216,9 +218,6 @@ class _Writer:
         self.points.add_defaults(default, solref, solimp, MARGIN)
 
     def _add_world(self, world: ET.Element) -> None:
-        for joint in (*self.mechanism.tree_joints, *self.mechanism.loop_joints):
-            if joint.parent == GROUND:
-                add_stand(world, joint, self.points.reach)
         self.points.add_ground(world)
         self._add_sites(world, GROUND, (0.0, 0.0))
         for body in self.mechanism.children(GROUND):
@@ -234,7 +233,7 @@ class _Writer:
             diaginertia=numbers(inertia, inertia, inertia),
         )  # fmt: skip
         self._add_joints(element, joint)
-        add_shapes(self.mechanism, element, body, joint.child_point, self.points.reach)
+        self.appearance.add(element, body, joint.child_point)
         ET.SubElement(element, "site", name=f"{joint.name}/joint")
         self._add_sites(element, body.name, joint.child_point)
         self.points.add_points(element, body, joint.child_point)

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 import trebucheck as tb
 import xarray as xr
+from PIL import Image
 from trebucheck.comparisons.data.files import content
 from trebucheck.models import mjcf as descriptions
 from trebucheck.models.machines.registry import models
 from trebucheck.models.mjcf.recorded import event_names, stored_motion
-from trebucheck.models.mjcf.writer import mjcf
+from trebucheck.models.mjcf.writer import POINT_INERTIA, mjcf
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
@@ -120,3 +121,71 @@ def test_two_of_one_model_in_one_scene_move_as_it_does_alone(name: str) -> None:
     site = tb.mjcf_names(tb.model(name))["projectile"]
     for prefix, place in (("left_", (-30, 5, 0)), ("right_", (30, -5, 2))):
         assert two.site(prefix + site).xpos - place == pytest.approx(one.site(site).xpos, abs=1e-9)
+
+
+# --- The files in MuJoCo ------------------------------------------------------------------------------------------
+
+EXACT = 1e-12
+WARNINGS = int(mujoco.mjtWarning.mjNWARNING)
+every_file = pytest.mark.parametrize("scene", [False, True], ids=["model", "scene"])
+
+
+@every_model
+@every_file
+def test_compiled_masses_inertias_and_limits_are_the_mechanisms(name: str, scene: bool) -> None:
+    mechanism, model = tb.model(name), mujoco.MjModel.from_xml_path(tb.mjcf_path(name, scene=scene))
+    names = tb.mjcf_names(mechanism)
+    for body in mechanism.bodies:
+        found, joint = model.body(names[body.name]), mechanism.joint_of(body.name)
+        assert float(found.mass[0]) == pytest.approx(body.mass, rel=EXACT)
+        assert found.inertia == pytest.approx(max(body.inertia, POINT_INERTIA), rel=EXACT)
+        arm = np.subtract(body.centre, joint.child_point)
+        assert found.ipos == pytest.approx([arm[0], 0.0, arm[1]], rel=EXACT, abs=EXACT)
+    assert float(model.body_mass.sum()) == pytest.approx(sum(body.mass for body in mechanism.bodies), rel=EXACT)
+    start = mechanism.tree.configuration(mechanism.start).angles
+    for stop in mechanism.angle_stops:  # of the named machines each is an end of a joint's range
+        joint = model.joint(names[mechanism.joint_of(stop.body).name])
+        turned = stop.sense * stop.limit - (start[stop.body] - start[stop.relative_to])
+        assert joint.range[0 if stop.sense > 0 else 1] == pytest.approx(turned, rel=EXACT, abs=EXACT)
+        assert model.jnt_limited[joint.id]
+
+
+@pytest.mark.slow
+@every_model
+def test_ten_seconds_bring_no_warning(name: str) -> None:
+    model = mujoco.MjModel.from_xml_path(tb.mjcf_path(name, scene=True))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_step(model, data, 10_000)
+    assert data.time == pytest.approx(10.0)
+    assert [data.warning[kind].number for kind in range(WARNINGS)] == [0] * WARNINGS
+
+
+@every_model
+def test_a_second_with_noise_brings_no_warning(name: str) -> None:
+    """As MuJoCo Menagerie tests its models; they have no controls here, so that forces on the joints are the noise."""
+    model = mujoco.MjModel.from_xml_path(tb.mjcf_path(name))
+    data, rng = mujoco.MjData(model), np.random.default_rng(12345)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    for _ in range(1000):
+        data.qfrc_applied[:] = 1000.0 * rng.normal(size=model.nv)
+        mujoco.mj_step(model, data)
+    assert [data.warning[kind].number for kind in range(WARNINGS)] == [0] * WARNINGS
+
+
+@every_model
+def test_what_is_drawn_weighs_nothing_and_touches_nothing(name: str) -> None:
+    model = mujoco.MjModel.from_xml_path(tb.mjcf_path(name, scene=True))
+    drawn = [i for i in range(model.ngeom) if model.geom_group[i] != 4]
+    assert len(drawn) > 5
+    assert not model.geom_contype[drawn].any() and not model.geom_conaffinity[drawn].any()
+    paired = {*model.pair_geom1.tolist(), *model.pair_geom2.tolist()}
+    assert not paired & set(drawn)
+
+
+@every_model
+def test_pictures_are_small(name: str) -> None:
+    folder = Path(tb.mjcf_path(name)).parent
+    with Image.open(folder / f"{name}.png") as still, Image.open(folder / f"{name}.gif") as moving:
+        assert still.size == (640, 480) and moving.n_frames > 40
+    assert (folder / f"{name}.gif").stat().st_size < 400_000

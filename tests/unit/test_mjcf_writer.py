@@ -19,8 +19,8 @@ from trebucheck.models.machines.registry import model, models
 from trebucheck.models.machines.trebuchet import fixed, rolling
 from trebucheck.models.mechanism import Body, Marker, Mechanism
 from trebucheck.models.mjcf import writer as mjcf_writer
-from trebucheck.models.mjcf.appearance import SCENE_FILE, scene
 from trebucheck.models.mjcf.recorded import stored_motion
+from trebucheck.models.mjcf.scene import SCENE_FILE, scene
 from trebucheck.models.mjcf.writer import FAR, mjcf, mjcf_names, write_model_folder
 from trebucheck.models.stops import PointStop, Stop
 
