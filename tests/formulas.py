@@ -68,6 +68,7 @@ class Formula:
     release_times: Mapping[str, float | None] = field(default_factory=lambda: {"rest": RELEASE})
     impacts: tuple[tuple[float, dict[str, float]], ...] = ()
     singular_passages: tuple[SingularPassage, ...] = ()
+    segments: tuple[()] = ()
     launches: Mapping[str, Launch] = field(
         default_factory=lambda: {"projectile": Launch(LAUNCH, ARM * TURN, (math.sqrt(2), math.sqrt(2)))}
     )

@@ -127,13 +127,13 @@ def scales_until(solution: Solution, end: float) -> Scales:
 
 def _independence(solution: Solution, end: float, length: float) -> float:
     """Least singular value of the constraints where they are the most independent of each other."""
-    found = [_DEPENDENT]
+    found: list[float] = []
     for segment in solution.segments:
         t = np.linspace(segment.start, max(segment.start, min(segment.end, end)), _IN_A_SEGMENT)
         q = solution.motion(t).q
         if segment.start <= end:
             found.append(float(solution.equations.independence(q, segment.closed, length).max()))
-    return max(found)
+    return max(_DEPENDENT, max(found, default=math.inf))
 
 
 def away_from_poles(solution: Solution, t: FloatArray, time: float) -> BoolArray:
