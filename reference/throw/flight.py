@@ -13,10 +13,13 @@ from scipy.integrate import solve_ivp
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
+from ...models.mechanism import Mechanism
 from ...models.spec import NonNegative, Positive, Real, Spec
 
 FINE, COARSE = 1e-13, 1e-7
 """Relative local errors of a flight that counts, and of one that is only ranked among others."""
+LEVEL = 1e-12
+"""Rounding of a direction [rad]."""
 
 
 class Air(Spec):
@@ -141,6 +144,20 @@ class Flight:
     def path(self, n: int = 200) -> FloatArray:
         """World positions [m] at n equal intervals of time from release to landing, shape (n, 2)."""
         return self.state(np.linspace(0.0, self.time, n))[:, :2]
+
+
+def downwards(mechanism: Mechanism) -> float:
+    """Magnitude of a mechanism's gravity [m/s^2], which a flight over level ground needs to be downwards.
+
+    Raises:
+        InputError: its direction is another one.
+    """
+    if math.dist(mechanism.gravity_direction, (0.0, -1.0)) > LEVEL:
+        raise InputError(
+            f"gravity_direction = {mechanism.gravity_direction!r} of {mechanism.name!r} must be (0, -1) for a throw: "
+            "range and height are measured along x and y; turn the mechanism's points instead."
+        )
+    return mechanism.gravity
 
 
 def fly(release: Release, surroundings: Surroundings) -> Flight:

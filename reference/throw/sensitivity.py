@@ -27,6 +27,7 @@ from ...models.problem import Problem
 from ..dual import Dual
 from ..solution import Solution
 from ..solver import solve, solve_to_launch
+from .flight import LEVEL
 from .kinks import one_sided, sides
 from .physical import physical_numbers
 from .release import Projectile
@@ -65,7 +66,7 @@ class Sensitivities:
     """[m/s]."""
     range: float
     """Where the projectile let go at the launch comes back to y = 0, or to the ground asked for, in vacuum: its x in
-    the world [m]; NaN where it never does (let go below it, too slow to rise to it)."""
+    the world [m]; NaN where it never does (let go below it, too slow to rise to it) or gravity is not downwards."""
     d_launch_time: FloatArray
     d_launch_speed: FloatArray
     d_launch_angle: FloatArray
@@ -168,7 +169,8 @@ def _of_the_release(
     d_position = point.d_position + d_time[:, None] * point.velocity
     d_velocity = point.d_velocity + d_time[:, None] * point.acceleration
     speed = math.hypot(*point.velocity)
-    (vx, vy), gravity = point.velocity, equations.mechanism.gravity
+    (vx, vy), (sideways, upwards) = point.velocity, equations.mechanism.gravity_vector
+    gravity = -upwards if abs(sideways) <= LEVEL * abs(upwards) else 0.0  # tilted: no landing
     above = d_position - [0.0, 1.0] * d_origin
     landing, d_landing = _landing(point, above, d_velocity, gravity, equations.along("gravity"), ground)
     return Sensitivities(

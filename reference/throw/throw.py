@@ -19,7 +19,7 @@ from ...models.shown import Reported, load_module
 from ...models.spec import NonNegative, Positive, Real, Spec
 from ..solution import Solution
 from ..solver import characteristic_time, solve_until
-from .flight import Air, Flight, Surroundings, fly, world
+from .flight import Air, Flight, Surroundings, downwards, fly, world
 from .members import Interval, MemberForce, SupportForce, carries, member_forces, support_forces, supports
 from .release import Projectile
 
@@ -185,7 +185,7 @@ def throw(
         height: of the landing above the fulcrum at the start [m].
 
     Raises:
-        InputError: a value is not valid, two releases are given, or the motion never comes to the one given.
+        InputError: a value is not valid, gravity is not downwards, or the motion never comes to the one release given.
         SimulationError: the integrator's step size collapsed.
     """
     chosen = {"release_angle": release_angle, "release_time": release_time, "sling_angle": sling_angle}
@@ -291,7 +291,7 @@ def _surroundings(projectile: Projectile, air: Air, height: float) -> Surroundin
             )
         drag = air.drag(projectile.mass)
     x, y = _fulcrum(projectile.solution)
-    gravity = projectile.solution.problem.mechanism.gravity
+    gravity = downwards(projectile.solution.problem.mechanism)
     return Surroundings(gravity=gravity, drag=drag, ground=y + height, origin=x)
 
 

@@ -53,6 +53,15 @@ def test_wrong_input_gets_a_sentence(arguments: list[str], complaint: str, refus
     assert complaint in refused("throw", *arguments)
 
 
+def test_gravity_that_is_not_downwards_is_refused_and_gives_no_range() -> None:
+    """The flight knows of down only: it took 9.81 m/s^2 there, whatever the direction."""
+    tilted = tb.fixed().model_copy(update={"gravity_direction": (math.sin(0.1), -math.cos(0.1))})
+    with pytest.raises(tb.InputError, match=r"gravity_direction = \(0\.0998.* must be \(0, -1\) for a throw"):
+        throw(tilted)
+    rounded = tb.fixed().model_copy(update={"gravity_direction": (6e-17, -1.0)})
+    assert throw(rounded).flight.range == pytest.approx(throw(tb.fixed()).flight.range, rel=1e-12)
+
+
 @pytest.mark.slow
 def test_a_machine_too_weak_to_throw(refused: Callable[..., str], tmp_path: Path) -> None:
     # A feather for a counterweight: the arm falls, and the projectile stays below the fulcrum.
