@@ -181,12 +181,14 @@ class _Checker:
         __tracebackhide__ = True
         from ..models.errors import EngineNotInstalledError
         from .check import check
+        from .suite import Target
 
-        self.asked.add(engine.partition("/")[0])
+        name = Target.of(engine).engine
+        self.asked.add(name)
         try:
             return check(engine, model, **given)
         except EngineNotInstalledError as error:
-            if engine.partition("/")[0] in self._required:
+            if name in self._required:
                 pytest.fail(f"--require-engine: {error}", pytrace=False)
             pytest.skip(str(error))
 

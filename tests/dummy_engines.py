@@ -100,25 +100,16 @@ class Remembering(Everything):
         )  # fmt: skip
 
 
-class Hanging(Everything):
-    """Never comes to an end with one problem, but in short runs of it."""
+class Fragile(Everything):
+    """Takes its process down with one problem, and never comes to an end with another one, but in short runs."""
 
-    name = "hanging"
-
-    def simulate(self, problem: tb.Problem) -> tb.Trajectory:
-        if problem.mechanism.name == "catapult" and problem.duration > 0.25:
-            time.sleep(3600)
-        return super().simulate(problem)
-
-
-class Crashing(Everything):
-    """Takes its process down with one problem, but in short runs of it."""
-
-    name = "crashing"
+    name = "fragile"
 
     def simulate(self, problem: tb.Problem) -> tb.Trajectory:
         if problem.mechanism.name == "catapult" and problem.duration > 0.25:
             os.abort()
+        if problem.mechanism.name == "bead":
+            time.sleep(3600)
         return super().simulate(problem)
 
 
