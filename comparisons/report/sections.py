@@ -27,7 +27,7 @@ from .document import (
     ranked,
     table,
 )
-from .numbers import format_number, format_settings
+from .numbers import format_number, format_settings, sentence
 
 Settings = tuple[str, str, str, Mapping[str, object]]
 """Machine, engine (and what else names the run), version, and settings."""
@@ -151,7 +151,7 @@ def certificate_report(certificate: Certificate) -> Document:
         Fold(further, (page_only(certified_figures(timed, further)),)),
         Listing(left_out),
         Fold("The computations", (table(heads, made, "Each was made alone; the uncertainty is what they differ by"),)),
-        Note(f"{certificate.rule} Versions: {format_settings(certificate.versions)}."),
+        Note(f"Uncertainty: {sentence(certificate.rule)} Versions: {format_settings(certificate.versions)}."),
         Note(f"Mechanism {certificate.mechanism_hash}."),
     )
     return Document(title, blocks, f"trebucheck certify: {certificate.model}", certificate.command)

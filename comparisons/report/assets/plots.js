@@ -78,7 +78,16 @@
     }));
   }
 
-  function marksOf(plot, series) {
+  const LETTER = 6.2; // [px] of a label, about
+
+  // A label left of its point, above the line; where the frame would cut it, right of it and below.
+  function besides(label, axis, [low, high], room) {
+    if (label.beside) return {dx: 6, textAnchor: "start"};
+    const to = axis.logarithmic ? Math.log10 : (v) => v, from = (to(label.x) - to(low)) / (to(high) - to(low)) * room;
+    return from < LETTER * label.text.length + 3 ? {dx: 6, dy: 11, textAnchor: "start", clip: true} : {dx: -3, dy: -7, textAnchor: "end", clip: true};
+  }
+
+  function marksOf(plot, series, domain, room) {
     const marks = [Plot.frame({stroke: "var(--line)"})];
     for (const b of plot.bands) marks.push(Plot.rectX([b], {x1: "start", x2: "end", fill: b.colour, fillOpacity: 0.15, clip: true}));
     marks.push(Plot.gridX({ticks: 6, strokeOpacity: 0.12}), Plot.gridY({ticks: 6, strokeOpacity: 0.12}), ...bars(plot, series));
@@ -97,7 +106,7 @@
       if (s.mark === "points" || s.mark === "both") marks.push(Plot.dot(s.points, {...style, r: 4, symbol: s.style.symbol,
         fill: s.style.dashed ? "var(--page)" : s.style.colour}));
     }
-    for (const l of plot.labels) marks.push(Plot.text([l], {x: "x", y: "y", text: "text", fill: l.colour, ...(l.beside ? {dx: 6, textAnchor: "start"} : {dx: -3, dy: -7, textAnchor: "end", clip: true})}));
+    for (const l of plot.labels) marks.push(Plot.text([l], {x: "x", y: "y", text: "text", fill: l.colour, ...besides(l, plot.x, domain, room)}));
     const flat = series.flatMap((s) => s.points.filter((p) => p.y !== null));
     marks.push(Plot.tip(flat, Plot.pointer({x: "x", y: "y", title: (p) => hint(p, plot), maxRadius: 60})));
     return marks;
@@ -112,14 +121,16 @@
     const across = series.flatMap((s) => s.points.filter((p) => p.x !== null && (lines || p.y !== null) && (!plot.x.logarithmic || p.x > 0)).map((p) => p.x));
     const rules = plot.rules.filter((r) => r.across === "y").map((r) => r.at);
     const spread = series.flatMap((s) => [...(s.low ?? []), ...(s.high ?? [])]);
-    const room = plot.labels.some((l) => l.beside) ? 1.7 * Math.max(...across, ...spread) : 0; // for the texts
     const left = plot.y.categories.length ? NAMES : LEFT;
-    const width = Math.max(220, box.clientWidth), barred = series.some((s) => s.mark === "bar");
+    const width = Math.max(220, box.clientWidth), barred = series.some((s) => s.mark === "bar"), wide = width - left - 14;
+    const zero = Math.min(0, ...across, ...spread), beside = plot.labels.filter((l) => l.beside);
+    const room = Math.max(0, ...beside.map((l) => zero + (l.x - zero) * wide / Math.max(wide - LETTER * l.text.length - 6, wide / 4))); // for the texts
+    const domain = interval ?? domainOf(plot.x, [...across, ...(plot.y.categories.length ? [0, ...spread, room] : [])], lines ? 0 : 0.06);
     const drawn = Plot.plot({
       width, height: plot.equal ? undefined : plot.height, aspectRatio: plot.equal ? 1 : undefined,
       marginLeft: left, marginBottom: 44, marginTop: 14, marginRight: 14, style: {background: "none", overflow: "visible"},
-      x: scale(plot.x, interval ?? domainOf(plot.x, [...across, ...(plot.y.categories.length ? [0, ...spread, room] : [])], lines ? 0 : 0.06)),
-      y: scale(plot.y, domainOf(plot.y, [...of("y"), ...rules, ...(barred ? [0] : [])], barred ? 0.02 : plot.labels.some((l) => !l.beside) ? 0.12 : 0.06), true), marks: marksOf(plot, series),
+      x: scale(plot.x, domain),
+      y: scale(plot.y, domainOf(plot.y, [...of("y"), ...rules, ...(barred ? [0] : [])], barred ? 0.02 : plot.labels.some((l) => !l.beside) ? 0.12 : 0.06), true), marks: marksOf(plot, series, domain, wide),
     });
     drawn.setAttribute("aria-hidden", "true"); // its box has a name, and says what it shows
     box.replaceChildren(drawn);
