@@ -130,9 +130,7 @@ def _runs(found: Difference) -> Iterator[Block]:
     counted = [each for each in map(partial(_count_row, found), found.runs) if each is not None]
     if fates:
         yield Heading(f"Runs that changed ({len(fates)})", 2, medium="any")
-        yield without_empty_columns(
-            table(_heads(*heads), map(_fate_row, fates), "Verdicts of whole runs, old and new")
-        )
+        yield without_empty_columns(table(_heads(*heads), map(_fate_row, fates), "Verdicts of whole runs, old and new"))
     if counted:
         yield Heading("How much changed in each run", 2, medium="any")
         yield table(_heads(_COUNTS, words("largest growth")), counted, "Numbers of quantities")
