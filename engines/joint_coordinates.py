@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,6 +13,7 @@ from ..models.arrays import FloatArray
 from ..models.joints import GROUND, AnyJoint
 from ..models.kinematics import Kinematics
 from ..models.mechanism import Body, Mechanism
+from ..models.stops import AnyStop, Stop
 
 
 @dataclass(frozen=True)
@@ -23,6 +26,27 @@ class Freedom:
     """Of the mechanism's coordinate that it makes: the slide, or the child's angle."""
     direction: complex | None
     """Of a slide, in the parent's frame, length 1; None of an angle, which is positive clockwise."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One end of the range of a joint coordinate."""
+
+    index: int
+    """Of the joint coordinate."""
+    sense: int
+    """1 for the lower end, -1 for the upper: its torque is along the coordinate times this."""
+    value: float
+    """[rad]"""
+
+    @staticmethod
+    def ranges(limits: Iterable[Limit]) -> dict[int, tuple[float, float]]:
+        """Lower and upper end of each joint coordinate that has a limit."""
+        found: dict[int, tuple[float, float]] = {}
+        for each in limits:
+            low, high = found.get(each.index, (-math.inf, math.inf))
+            found[each.index] = (max(low, each.value), high) if each.sense > 0 else (low, min(high, each.value))
+        return found
 
 
 @dataclass(frozen=True)
@@ -56,6 +80,15 @@ class JointCoordinates:
             if body.angle is not None:
                 found.append(Freedom(joint, indices[body.angle], None))
         return tuple(found)
+
+    def limit(self, stop: AnyStop) -> Limit | None:
+        """A stop on angles as the end of one joint coordinate's range; None if it is on no joint or on a point."""
+        for index, freedom in enumerate(self.freedoms):
+            between = {freedom.joint.child, freedom.joint.parent}
+            if freedom.direction is None and isinstance(stop, Stop) and between == {stop.body, stop.relative_to}:
+                sense = stop.sense if stop.body == freedom.joint.child else -stop.sense
+                return Limit(index, sense, sense * stop.limit)
+        return None
 
     @cached_property
     def _differences(self) -> tuple[FloatArray, FloatArray]:

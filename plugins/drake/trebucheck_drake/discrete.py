@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from trebucheck.engines.constrained import subtree_sums
 from trebucheck.engines.event_driver import Observation
+from trebucheck.engines.joint_coordinates import Limit
 from trebucheck.engines.plain_run import plain_run
 from trebucheck.engines.protocol import Recording
 from trebucheck.engines.schemes import State
@@ -16,7 +17,6 @@ from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
-from trebucheck.models.stops import Stop
 
 from .build import Built
 from .read import Reader
@@ -93,29 +93,19 @@ class Motion:
 
 def _limits(built: Built) -> dict[str, tuple[Any, int]]:
     """Set the limits of the plant's joints; of each stop, its joint and the sense in which it turns it."""
-    mechanism, found = built.mechanism, dict[str, tuple[Any, int]]()
+    mechanism, limits = built.mechanism, dict[str, Limit]()
     loops = [joint.name for joint in mechanism.loop_joints]
     if loops:
         raise UnsupportedProblemError(
             f"drake's discrete plant does not tell the forces of the constraints that close loops ({', '.join(loops)})."
         )
-    ranges: dict[int, tuple[float, float]] = {}
-    joints = {
-        frozenset((freedom.joint.child, freedom.joint.parent)): (index, freedom.joint.child)
-        for index, freedom in enumerate(built.coordinates.freedoms)
-        if freedom.direction is None
-    }
     for stop in mechanism.stops:
-        pair = frozenset((stop.body, stop.relative_to))
-        if not isinstance(stop, Stop) or pair not in joints:
+        limit = built.coordinates.limit(stop)
+        if limit is None:
             raise UnsupportedProblemError(
                 f"drake's discrete plant has limits on joints alone, and stop {stop.name!r} is on none."
             )
-        index, child = joints[pair]
-        sense = stop.sense if stop.body == child else -stop.sense
-        low, high = ranges.get(index, (-np.inf, np.inf))
-        ranges[index] = (max(low, stop.limit), high) if sense > 0 else (low, min(high, -stop.limit))
-        found[stop.name] = (built.moving[index], sense)
-    for index, (low, high) in ranges.items():
+        limits[stop.name] = limit
+    for index, (low, high) in Limit.ranges(limits.values()).items():
         built.moving[index].set_position_limits([low], [high])
-    return found
+    return {name: (built.moving[limit.index], limit.sense) for name, limit in limits.items()}

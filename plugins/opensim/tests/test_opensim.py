@@ -1,0 +1,49 @@
+"""OpenSim against the reference."""
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from trebucheck.models.problems.registry import benchmark
+from trebucheck.reference.solver import solve
+
+FREE_SWING = tb.fixed().model_copy(update={"stops": ()})
+
+
+def _error(problem: tb.Problem, preset: str = "tuned", **options: object) -> float:
+    """Greatest distance of a marker from where it should be [m]."""
+    found = tb.engine("opensim", preset, **options).simulate(problem)
+    truth = solve(problem).trajectory(found.t)
+    return max(float(np.abs(m.position - truth.markers[name].position).max()) for name, m in found.markers.items())
+
+
+def test_the_free_swing_follows_the_accuracy() -> None:
+    problem = tb.Problem(FREE_SWING, duration=2.0)
+    assert _error(problem) < 1e-8
+    loose, tight = (_error(problem, timestep=0.1, accuracy=accuracy) for accuracy in (1e-4, 1e-9))
+    assert tight < loose / 1e5**0.5  # at the least: local errors that are controlled add up to their power 4/5
+
+
+@pytest.mark.parametrize("model", ["fixed", "rolling"])
+def test_it_agrees_with_stops(model: str) -> None:
+    results = tb.compare([model], ["opensim"], ["tuned"], isolate=False).results
+    (run,) = results.runs
+    assert run.equality is not None
+    judged = [metric for metric in run.metrics if metric.tolerance is not None]
+    assert {"position_max", "release_time", "stop_torque_max"} <= {m.name for m in judged if m.source == "claim"}
+    assert all(metric.holds for metric in judged), [m for m in judged if not m.holds]
+
+
+def test_points_move_with_the_state() -> None:
+    """States that are copied keep the places of their bodies in OpenSim."""
+    assert _error(tb.Problem(FREE_SWING, duration=0.2), "stock") < 1e-6
+
+
+def test_limit_forces_hold_the_stops_softly() -> None:
+    assert 1e-4 < _error(tb.Problem(tb.fixed(), duration=1.0), "stock") < 0.1
+
+
+def test_loops_and_springs() -> None:
+    for name in ("slider-crank", "oscillator"):
+        assert _error(benchmark(name).problem().model_copy(update={"duration": 0.5}), timestep=2e-3) < 1e-6
+        with pytest.raises(tb.UnsupportedProblemError, match="no loops and no force elements"):
+            tb.engine("opensim", "stock").simulate(benchmark(name).problem())

@@ -1,0 +1,1 @@
+"""OpenSim (Simbody) as an engine of trebucheck."""

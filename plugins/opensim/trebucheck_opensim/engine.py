@@ -1,0 +1,85 @@
+"""OpenSim: Simbody's trees of mobilizers and error-controlled integrators."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+from trebucheck.engines.event_driver import EventDriver
+from trebucheck.engines.inspection import Inspection, State
+from trebucheck.engines.plain_run import plain_run
+from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
+from trebucheck.engines.study import EngineStudy
+from trebucheck.models.features import Feature
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.problem import Problem, StopLaw
+from trebucheck.models.spec import Positive, Real
+
+from .study import STUDY
+
+
+class OpenSimEngine(BuiltinEngine):
+    """OpenSim's models of rigid bodies, which Simbody moves; the defaults are the tuned preset.
+
+    Tuned, stops lock the coordinates that they are on, and Simbody's integrator moves the rest; which stops hold is
+    found by multipliers on Simbody's mass matrix and accelerations, events are located by trebucheck's driver. Where
+    something else is held, or springs act, OpenSim's accelerations are integrated by RK4 instead.
+
+    The stock preset has OpenSim's `CoordinateLimitForce` for stops: springs with dampers, of a stiffness of one's
+    choice, and the accuracy of its forward tool.
+
+    Raises:
+        InputError: an option is unknown or outside its range.
+    """
+
+    name: ClassVar[str] = "opensim"
+    package: ClassVar[str] = "opensim"
+    tables: ClassVar[EngineStudy] = STUDY
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        joint_reactions=True,
+        joint_gaps=False,
+        located_releases=True,
+        stop_laws=frozenset(StopLaw),
+        formulation="mobilizers (Simbody), stops as locked coordinates, error-controlled Runge-Kutta-Merson; with "
+        "loops or springs multipliers and RK4 (stock: stops as coordinate limit forces)",
+        features=frozenset(Feature),
+    )
+    stock_options: ClassVar[Mapping[str, object]] = {"limits": "springs", "accuracy": 1e-5}
+
+    integrator: Literal["RungeKuttaMerson", "RungeKuttaFeldberg", "RungeKutta3", "SemiExplicitEuler2"] = Field(
+        default="RungeKuttaMerson", description="Simbody's integrator"
+    )
+    accuracy: Annotated[Real, Field(ge=1e-14, le=1e-1)] = Field(
+        default=1e-11, description="relative local error that the integrator is asked for"
+    )
+    limits: Literal["locks", "springs"] = Field(
+        default="locks", description="what a stop is: a locked coordinate while it holds, or a coordinate limit force"
+    )
+    limit_stiffness: Positive = Field(default=1e6, description="of a coordinate limit force [N m/degree]")
+    limit_damping: Positive = Field(default=1e3, description="of a coordinate limit force [N m s/degree]")
+    limit_transition: Positive = Field(default=0.01, description="angle to a limit force's full stiffness [degrees]")
+
+    @property
+    def resolves_impacts(self) -> bool:
+        """Whether it follows the restitution of a stop: limit forces give back what their springs do."""
+        return self.limits == "locks"
+
+    def _run(self, problem: Problem) -> Recording:
+        from .motion import Motion
+
+        motion = Motion(problem.mechanism, self.integrator, self.accuracy, self.timestep)
+        if self.limits == "locks":
+            return EventDriver(problem, motion, self.name, self.timestep).run()
+        from .limits import LimitedMotion
+
+        stiffness, damping, width = self.limit_stiffness, self.limit_damping, self.limit_transition
+        limited = LimitedMotion(problem.mechanism, motion, stiffness, damping, width)
+        return plain_run(problem, limited, self.name, self.timestep)
+
+    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
+        """The built model's mass matrix, forces and forward dynamics in each state."""
+        self.refuse_absence()
+        from .inspect import inspect
+
+        return inspect(mechanism, states)
