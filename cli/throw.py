@@ -14,7 +14,7 @@ from . import options, output
 
 if TYPE_CHECKING:
     from ..comparisons.runs.runner import Worker
-    from ..reference.throw.throw import Performance, Throw
+    from ..reference.throw.figures import Performance, Throw
 
 ReleaseAngle = Annotated[
     float | None,

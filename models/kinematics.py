@@ -9,7 +9,7 @@ from typing import cast
 
 import numpy as np
 
-from .arrays import ComplexArray, FloatArray
+from .arrays import ComplexArray, FloatArray, as_vectors
 from .joints import GROUND
 from .mechanism import Marker, Mechanism
 from .phasors import Phasors, PointCoefficients
@@ -82,11 +82,11 @@ class Kinematics(Phasors):
 
     def position(self, row: PointCoefficients, q: FloatArray) -> FloatArray:
         """World position [m], shape (..., 2)."""
-        return _as_vectors(self.vector(row, q))
+        return as_vectors(self.vector(row, q))
 
     def velocity(self, row: PointCoefficients, q: FloatArray, u: FloatArray) -> FloatArray:
         """World velocity [m/s], shape (..., 2)."""
-        return _as_vectors(self.rate(row, q, u))
+        return as_vectors(self.rate(row, q, u))
 
     def speed_scale(self, row: PointCoefficients) -> float:
         """A scale of speeds [m/s]: what a point would fall by all its arms, and what it moves at the start.
@@ -104,7 +104,7 @@ class Kinematics(Phasors):
     def acceleration(self, row: PointCoefficients, q: FloatArray, u: FloatArray, a: FloatArray) -> FloatArray:
         """World acceleration [m/s^2] for generalized accelerations a, shape (..., 2)."""
         rates = self.rates(q)
-        return _as_vectors((self.flow(q, a, rates) + self.curvature(q, u, rates)) @ row.coefficients)
+        return as_vectors((self.flow(q, a, rates) + self.curvature(q, u, rates)) @ row.coefficients)
 
     def point_motion(
         self, marker: Marker, q: FloatArray, u: FloatArray, a: FloatArray
@@ -135,7 +135,7 @@ class Kinematics(Phasors):
 
     def momentum(self, q: FloatArray, u: FloatArray) -> FloatArray:
         """Linear momentum of all bodies [kg m/s], shape (..., 2)."""
-        return _as_vectors(self.flow(q, u, self.rates(q)) @ (self.masses @ self.centres))
+        return as_vectors(self.flow(q, u, self.rates(q)) @ (self.masses @ self.centres))
 
     def kinetic_energy(self, q: FloatArray, u: FloatArray) -> FloatArray:
         """Kinetic energy [J], shape (...,)."""
@@ -214,7 +214,3 @@ def initial_state(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
     """Coordinates q and speeds u at t = 0, each of shape (n_q,)."""
     q = np.array(mechanism.start, dtype=np.float64).T
     return q, np.array(mechanism.start_speeds, dtype=np.float64).T if mechanism.start_speeds else np.zeros_like(q)
-
-
-def _as_vectors(z: ComplexArray) -> FloatArray:
-    return np.stack([z.real, z.imag], axis=-1)

@@ -10,9 +10,9 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.drawing.scene import Scene, scene
+from ...reference.throw.figures import Performance
 from ...reference.throw.flight import Flight, Surroundings, fly
 from ...reference.throw.members import axial_force, carries, members, supports, upward_force
-from ...reference.throw.throw import Performance
 from ..report.plots import Axis, Band, Panels, Plot, Rule, Series, Style
 
 _POINTS = 600

@@ -9,8 +9,9 @@ from itertools import chain
 from ...models.joints import PinJoint
 from ...models.machines.trebuchet import FULCRUM
 from ...models.mechanism import Mechanism
+from ...reference.throw.figures import FlightFigures, LaunchFigures, Performance, Sensitivity, Throw
 from ...reference.throw.members import MemberForce, SupportForce
-from ...reference.throw.throw import FlightFigures, LaunchFigures, Performance, Sensitivity, Throw, origin, spoken
+from ...reference.throw.throw import origin, spoken
 from ...version import __version__
 from ..report.document import (
     Animation,

@@ -18,7 +18,7 @@ import numpy as np
 import pymunk
 from pymunk import constraints
 
-from ...models.arrays import FloatArray
+from ...models.arrays import FloatArray, as_vectors
 from ...models.joints import GROUND, PinJoint
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
@@ -29,7 +29,7 @@ from .build import build
 from .leapfrog import STEP, settled_increment
 from .options import PymunkOptions
 from .reactions import forces_of
-from .read import Reading, as_vectors, reading_of
+from .read import Reading, reading_of
 
 
 def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkOptions) -> Inspection:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.applied_forces import AppliedForces
-from ...models.arrays import ComplexArray, FloatArray
+from ...models.arrays import ComplexArray, FloatArray, as_vectors
 from ...models.joints import GROUND, AnyJoint, PinJoint
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
@@ -249,11 +249,6 @@ def samples_of(states: FloatArray, h: float, leapfrog: bool, start: FloatArray |
 def _points(states: FloatArray) -> ComplexArray:
     """Positions and velocities, complex, shape (..., 2)."""
     return states[..., 0:4:3] + 1j * states[..., 1:5:3]
-
-
-def as_vectors(z: ComplexArray) -> FloatArray:
-    """Planar vectors, shape (..., 2)."""
-    return np.stack([z.real, z.imag], axis=-1)
 
 
 def reading_of(assembly: Assembly, accelerations: FloatArray | None = None) -> Reading:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...models.arrays import ComplexArray, FloatArray
+from ...models.arrays import ComplexArray, FloatArray, as_vectors
 from ...models.errors import SimulationError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
@@ -17,7 +17,7 @@ from .build import build
 from .leapfrog import MOST_PASSES, Stepper, passes_needed
 from .options import PymunkOptions
 from .reactions import forces_of, mass_matrix
-from .read import Reading, as_vectors
+from .read import Reading
 
 _TRIAL_ITERATIONS = 5_000  # which stops push depends on the mechanism, not on the preset
 _CHECKED = 64  # steps between two looks at how many passes loops need

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..arrays import ComplexArray, FloatArray
+from ..arrays import FloatArray, as_vectors
 from ..joints import GROUND
 from ..kinematics import Kinematics, PointCoefficients
 from ..mechanism import Mechanism
@@ -121,15 +121,11 @@ class Drawing:
         for k, c in kinematics.carried:
             change[..., k] = phasors[..., c] * ((q[..., k] + d[..., k]) * turned[..., c] + d[..., k])
         coefficients = np.array([row.coefficients for row in self.rows])
-        return _as_vectors(change @ coefficients.T)
+        return as_vectors(change @ coefficients.T)
 
 
 def positions(kinematics: Kinematics, rows: Iterable[PointCoefficients], q: FloatArray) -> FloatArray:
     """World positions [m] of points in states q of shape (n, n_q); shape (n, n_points, 2)."""
     rows = tuple(rows)
     offsets = np.array([row.offset for row in rows])
-    return _as_vectors(offsets + kinematics.phasors(q) @ np.array([row.coefficients for row in rows]).T)
-
-
-def _as_vectors(z: ComplexArray) -> FloatArray:
-    return np.stack([z.real, z.imag], axis=-1)
+    return as_vectors(offsets + kinematics.phasors(q) @ np.array([row.coefficients for row in rows]).T)

@@ -27,12 +27,13 @@ from ...models.problem import Problem
 from ..dual import Dual
 from ..solution import Solution
 from ..solver import solve, solve_to_launch
+from .figures import Held, Performance, Sensitivity
 from .flight import LEVEL
 from .kinks import one_sided, sides
 from .physical import physical_numbers
 from .release import Projectile
 from .tangent import PointTangent, StateTangent, marker_tangent, state_tangent
-from .throw import Held, Performance, Sensitivity, origin
+from .throw import origin
 from .variational import Direction, VariationalEquations, moved, numbers
 
 _STEP = 1e-200  # of the complex step: its square is far below the smallest float, so nothing is truncated
