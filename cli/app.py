@@ -12,7 +12,22 @@ from typing import Annotated
 import typer
 
 from ..models.errors import SimulationError, TrebucheckError, shortened
-from . import animate, catalogue, certify, conform, data, diff, figures, importer, plugin, problems, run, studies, throw
+from . import (
+    animate,
+    catalogue,
+    certify,
+    conform,
+    data,
+    diff,
+    figures,
+    importer,
+    judge,
+    plugin,
+    problems,
+    run,
+    studies,
+    throw,
+)
 from .output import printable
 
 app = typer.Typer(
@@ -40,6 +55,7 @@ for name, command in {
     "view": animate.view_command,
     "certify": certify.certify_command,
     "conform": conform.conform_command,
+    "judge": judge.judge_command,
     "recommend": studies.recommend_command,
     "converge": studies.converge_command,
     "paper": studies.paper_command,

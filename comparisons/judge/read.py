@@ -1,0 +1,243 @@
+"""Reading of files: CSV with a heading of names and units, or NetCDF; what is wrong is said in one sentence."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from io import BytesIO
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from ...models.arrays import FloatArray
+from ...models.errors import InputError
+from ...models.files import read_bytes
+from ...models.mechanism import Mechanism
+from .columns import TIME, Kind, columns_of, known, split_heading
+
+_LARGEST = 500_000_000  # [B]
+_SIZE = 1e100  # in SI units: its square is still a number
+
+
+@dataclass(frozen=True)
+class Given:
+    """What a file gives of a motion, in SI units."""
+
+    values: Mapping[str, FloatArray]
+    """By column, each of shape (n,), `t` among them."""
+    releases: Mapping[str, float | None]
+    """Of the stops whose release is given [s]; None: it does not open."""
+    sha256: str
+    """Of the file."""
+
+    @property
+    def t(self) -> FloatArray:
+        """Times [s], shape (n,)."""
+        return self.values[TIME]
+
+
+def read(path: Path, mechanism: Mechanism) -> Given:
+    """Read a .csv, or a .nc as NetCDF.
+
+    Raises:
+        InputError: it cannot be read, or is not a motion of the mechanism; the sentence has the line of a CSV file.
+    """
+    content = read_bytes(path, _LARGEST)
+    reader = _netcdf if path.suffix.lower() in (".nc", ".nc4", ".h5") else _csv
+    try:
+        values, releases = reader(content, mechanism)
+        _refuse_halves(values, mechanism)
+    except InputError as error:
+        raise InputError(f"{path}: {str(error).removesuffix('.')}.") from None
+    return Given(values, releases, hashlib.sha256(content).hexdigest())
+
+
+_Read = tuple[dict[str, FloatArray], dict[str, float | None]]
+
+
+def _csv(content: bytes, mechanism: Mechanism) -> _Read:
+    try:
+        lines = content.decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise InputError(f"line {line} is not UTF-8 text") from None
+    columns, releases = columns_of(mechanism), dict[str, float | None]()
+    body: list[tuple[int, list[str]]] = []
+    for number, line in enumerate(lines, 1):
+        if line.lstrip().startswith("#"):
+            releases |= _at(number, lambda line=line: _release(line, mechanism))
+        elif line.strip():
+            body.append((number, _at(number, lambda line=line: next(csv.reader([line], strict=True)))))
+    if not body:
+        raise InputError("it is empty; a line of headings such as 't [s],q theta [rad]' is needed")
+    first, heading = body[0]
+    found = _at(first, lambda: _headings(heading, columns))
+    return _table(found, body[1:], first), releases
+
+
+def _at(line: int, make: Any) -> Any:
+    """What is made of a line; its errors with the line's number."""
+    try:
+        return make()
+    except (InputError, csv.Error) as error:
+        raise InputError(f"line {line}: {error}") from None
+
+
+def _release(line: str, mechanism: Mechanism) -> dict[str, float | None]:
+    """From '# release hanger rest [s] = 0.81'; any other comment says nothing."""
+    text, equals, value = line.strip().lstrip("# ").partition("=")
+    if not (equals and text.startswith("release ")):
+        return {}
+    name, unit = split_heading(text.removeprefix("release "))
+    stops = [stop.name for stop in mechanism.stops]
+    if name not in stops:
+        raise InputError(f"there is no stop {name[:60]!r}; there are: {', '.join(stops) or 'none'}")
+    factor = Kind(f"release {name}", {"s": 1.0, "ms": 1e-3}).factor(unit)
+    return {name: None if value.strip() == "never" else factor * _number(value, f"release {name}")}
+
+
+def _headings(cells: list[str], columns: Mapping[str, Kind]) -> list[tuple[str, float]]:
+    """Name and SI value of the unit of each column."""
+    found: list[tuple[str, float]] = []
+    for cell in cells:
+        name, unit = split_heading(cell)
+        short = f"q {name}"
+        kind = known(short if name not in columns and short in columns else name, columns)
+        if kind.name in (other for other, _ in found):
+            raise InputError(f"column {kind.name!r} is there twice")
+        found.append((kind.name, kind.factor(unit)))
+    if TIME not in dict(found):
+        raise InputError("there is no column 't [s]'")
+    return found
+
+
+def _table(found: list[tuple[str, float]], rows: list[tuple[int, list[str]]], heading: int) -> dict[str, FloatArray]:
+    if len(rows) < 2:
+        raise InputError(f"line {heading}: {len(rows)} lines of numbers follow; at least two are needed")
+    values = np.empty((len(rows), len(found)))
+    for k, (number, cells) in enumerate(rows):
+        if len(cells) != len(found):
+            raise InputError(f"line {number} has {len(cells)} values; the headings are {len(found)}")
+        values[k] = _at(number, partial(_numbers, cells, found))
+    values *= [factor for _, factor in found]
+    table = {name: values[:, i].copy() for i, (name, _) in enumerate(found)}
+    _refuse_times(table[TIME], [f"line {number}" for number, _ in rows])
+    return table
+
+
+def _numbers(cells: list[str], found: list[tuple[str, float]]) -> list[float]:
+    return [_number(cell, name) for cell, (name, _) in zip(cells, found, strict=True)]
+
+
+def _number(text: str, name: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise InputError(f"{name} is {text.strip()[:30]!r}, which is no number") from None
+    if not abs(value) <= _SIZE:
+        raise InputError(f"{name} is {text.strip()[:30]}; a finite number is needed")
+    return value
+
+
+def _refuse_times(t: FloatArray, where: list[str]) -> None:
+    if t[0] != 0.0:
+        raise InputError(f"{where[0]}: t begins at {t[0]:.6g} s instead of 0")
+    late = np.flatnonzero(np.diff(t) < 0)
+    if len(late):
+        k = int(late[0]) + 1
+        raise InputError(f"{where[k]}: t decreases from {t[k - 1]:.9g} s to {t[k]:.9g} s")
+    if t[-1] == 0.0:
+        raise InputError(f"{where[-1]}: t is 0 to the end")
+
+
+def _refuse_halves(values: Mapping[str, FloatArray], mechanism: Mechanism) -> None:
+    """Vectors with one component, states that are not whole, and files without any position."""
+    pairs = [(f"{m.name} {v}x", f"{m.name} {v}y") for m in mechanism.markers for v in ("", "v")]
+    pairs += [(f"joint {joint.name} x", f"joint {joint.name} y") for joint in mechanism.joints]
+    wholes = [[f"{kind} {name}" for name in mechanism.coordinates] for kind in "qu"]
+    for whole in (*pairs, *wholes):
+        there = [name for name in whole if name in values]
+        if there and len(there) < len(whole):
+            lacking = next(name for name in whole if name not in values)
+            raise InputError(f"column {there[0]!r} is there without {lacking!r}")
+    if not any(name in values for name in (wholes[0][0], *(first for first, _ in pairs[: 2 * len(mechanism.markers)]))):
+        raise InputError("it gives neither the coordinates nor the position of a marker: there is nothing to judge")
+
+
+_VARIABLES = {
+    "q": ("coordinate", "q {}"),
+    "u": ("coordinate", "u {}"),
+    "position": ("marker", "{} {axis}"),
+    "velocity": ("marker", "{} v{axis}"),
+    "stop_torque": ("stop", "stop {}"),
+    "joint_reaction": ("joint", "joint {} {axis}"),
+    "kinetic_energy": ("", "kinetic energy"),
+    "potential_energy": ("", "potential energy"),
+}
+"""Variables of a NetCDF file: the dimension of their names, and the column that each is."""
+
+
+def _netcdf(content: bytes, mechanism: Mechanism) -> _Read:
+    import xarray as xr
+
+    try:
+        with xr.open_dataset(BytesIO(content), engine="h5netcdf", decode_times=False) as file:
+            dataset = file.load()
+        t = np.asarray(dataset["time"].values, dtype=np.float64)
+    except Exception as error:  # of a broken file HDF5, h5netcdf and xarray raise errors of any kind
+        raise InputError(f"it is no NetCDF file with a variable 'time': {cast('object', error)}") from None
+    if t.ndim != 1 or len(t) < 2 or not np.isfinite(t).all():
+        raise InputError("its times are not two or more finite numbers")
+    _refuse_times(t, [f"sample {k}" for k in range(len(t))])
+    values, columns = {TIME: t}, columns_of(mechanism)
+    for name, column, series in _series(dataset):
+        if column not in columns:
+            raise InputError(f"variable {name!r}: {_unknown(column, columns)}")
+        if series.shape != t.shape or not (np.abs(series) <= _SIZE).all():
+            raise InputError(f"variable {name!r}: {column!r} does not have one finite number a time")
+        values[column] = series
+    return values, _releases(dataset, mechanism)
+
+
+def _unknown(column: str, columns: Mapping[str, Kind]) -> str:
+    try:
+        known(column, columns)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def _series(dataset: Any) -> Iterator[tuple[str, str, FloatArray]]:
+    """Variable, column and values of everything sampled; units are SI, and what is called otherwise is left alone."""
+    for name, (dim, column) in _VARIABLES.items():
+        if name not in dataset:
+            continue
+        _refuse_units(name, str(dataset[name].attrs.get("units", "")))
+        labels = [str(label) for label in dataset[dim].values] if dim else [""]
+        for label in labels:
+            own = dataset[name].sel({dim: label}) if dim else dataset[name]
+            for axis in "xy" if "{axis}" in column else ("",):
+                chosen = own.sel(axis=axis) if axis else own
+                yield name, column.format(label, axis=axis), np.asarray(chosen.values, dtype=np.float64)
+
+
+_UNITS = {"q": "rad", "u": "rad/s", "position": "m", "velocity": "m/s", "stop_torque": "N", "joint_reaction": "N"}
+
+
+def _refuse_units(name: str, given: str) -> None:
+    needed = _UNITS.get(name, "J")
+    if not given.startswith((needed, "m")) or given.startswith("mm"):
+        raise InputError(f"variable {name!r} has the units {given!r}; {needed!r} is needed")
+
+
+def _releases(dataset: Any, mechanism: Mechanism) -> dict[str, float | None]:
+    if "release_time" not in dataset:
+        return {}
+    names: Iterable[str] = map(str, dataset["releasable_stop"].values)
+    pairs = zip(names, np.asarray(dataset["release_time"].values, dtype=np.float64), strict=True)
+    known_stops = {stop.name for stop in mechanism.stops}
+    return {name: None if np.isnan(time) else float(time) for name, time in pairs if name in known_stops}

@@ -1,0 +1,178 @@
+"""A file's motion against the reference: every metric of what it gives, and a sentence on what it does not give."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from ...models.arrays import FloatArray
+from ...models.kinematics import Kinematics
+from ...models.mechanism import Mechanism
+from ...models.trajectory import PointMotion, Provenance, Trajectory
+from ...reference.equations import Equations
+from ..compare.machine import machine_row
+from ..runs.comparison import not_observed
+from ..runs.results import Machine, Metric, Outcome, ResultFile, Run, verdict_on
+from ..runs.runner import Runner
+from ..runs.study import REFERENCE, Study
+from ..runs.tolerances import judge
+from .read import Given, read
+
+NOT_GIVEN = "the file does not give it"
+
+
+class Judgement(ResultFile):
+    """On one file."""
+
+    format: Literal["trebucheck-judgement-1"] = "trebucheck-judgement-1"
+    file: str
+    sha256: str = Field(description="of the file")
+    machine: Machine
+    samples: int
+    given: tuple[str, ...] = Field(description="columns of the file, and what follows from them by kinematics")
+    metrics: tuple[Metric, ...]
+
+    @property
+    def outcome(self) -> Outcome:
+        """The verdict on what is given."""
+        return verdict_on(self.metrics)
+
+    @property
+    def broken(self) -> tuple[Metric, ...]:
+        """Metrics whose tolerance does not hold."""
+        return tuple(metric for metric in self.metrics if metric.holds is False)
+
+    @property
+    def judged(self) -> tuple[Metric, ...]:
+        """Metrics held against a tolerance."""
+        return tuple(metric for metric in self.metrics if metric.holds is not None)
+
+
+def judge_file(path: Path, study: Study) -> Judgement:
+    """Judge a file on the one mechanism of a study.
+
+    Nothing that the file says of itself is believed: mechanism, engine and settings are not read; points and energies
+    that it does not give follow from its coordinates and speeds, if it gives those, and else are not judged.
+
+    Raises:
+        InputError: the file cannot be read, or is not a motion of the mechanism.
+        SimulationError: the reference cannot move it.
+    """
+    (mechanism,) = study.mechanisms
+    given = read(path, mechanism)
+    runner = Runner(mechanism, None, study.end_of(mechanism), study.law_of(mechanism))
+    machine = machine_row(runner, study.needs)
+    own = _Motion(given, runner)
+    metrics = tuple(metric if own.tells(metric) else untold(metric) for metric in runner.measured(own.trajectory))
+    # Of no engine: nobody's claims apply, and an event that is given is taken as located.
+    run = Run(model=mechanism.name, engine=REFERENCE, preset="file", outcome=Outcome.NOT_JUDGED, engine_version="",
+              metrics=metrics)  # fmt: skip
+    return Judgement.made_here(
+        file=path.name, sha256=given.sha256, machine=machine, samples=len(given.t), given=tuple(sorted(own.told)),
+        metrics=judge(run, machine, study.needs),
+    )  # fmt: skip
+
+
+def untold(metric: Metric) -> Metric:
+    """The same as of a file that does not give it."""
+    return not_observed(metric.name, metric.subject, metric.unit, NOT_GIVEN)
+
+
+@dataclass
+class _Motion:
+    """The file's motion as a trajectory; in the place of what it does not tell stands the reference's, unjudged."""
+
+    given: Given
+    runner: Runner
+
+    def __post_init__(self) -> None:
+        self.mechanism: Mechanism = self.runner.mechanism
+        self.keep = self.given.t <= self.runner.solution.problem.duration
+        self.t = self.given.t[self.keep]
+        self.reference = self.runner.reference(self.t)
+        self.told: set[str] = {name for name in self.given.values if name != "t"}
+        self.told |= {f"release {name}" for name in self.given.releases}
+        self.trajectory = self._trajectory()
+
+    def _column(self, name: str) -> FloatArray | None:
+        found = self.given.values.get(name)
+        return None if found is None else found[self.keep]
+
+    def _columns(self, names: list[str], otherwise: FloatArray) -> FloatArray:
+        """All or none of them, as :func:`.read.read` sees to."""
+        found = [column for column in map(self._column, names) if column is not None]
+        return np.stack(found, axis=1) if found else otherwise
+
+    def _trajectory(self) -> Trajectory:
+        r, m = self.reference, self.mechanism
+        q = self._columns([f"q {name}" for name in m.coordinates], r.q)
+        u = self._columns([f"u {name}" for name in m.coordinates], r.u)
+        return Trajectory(
+            mechanism=m, t=self.t, q=q, u=u, markers=self._markers(q, u),
+            kinetic_energy=self._energy("kinetic energy", self._moving, Kinematics(m).kinetic_energy(q, u)),
+            potential_energy=self._energy("potential energy", self._placed, Equations(m).potential_energy(q)),
+            stop_torques={s.name: v for s in m.stops if (v := self._column(f"stop {s.name}")) is not None},
+            release_times={**r.release_times, **self.given.releases},
+            joint_reactions={
+                j.name: self._columns([f"joint {j.name} {axis}" for axis in "xy"], r.t)
+                for j in m.joints if f"joint {j.name} x" in self.told
+            },
+            provenance=Provenance("file", "", "", {}, m.content_hash, float(self.t[-1]), "", 0, 0.0),
+        )  # fmt: skip
+
+    @property
+    def _placed(self) -> bool:
+        return all(f"q {name}" in self.told for name in self.mechanism.coordinates)
+
+    @property
+    def _moving(self) -> bool:
+        return self._placed and all(f"u {name}" in self.told for name in self.mechanism.coordinates)
+
+    def _energy(self, name: str, follows: bool, otherwise: FloatArray) -> FloatArray:
+        column = self._column(name)
+        self.told |= {name} if follows else set()
+        return otherwise if column is None else column
+
+    def _markers(self, q: FloatArray, u: FloatArray) -> dict[str, PointMotion]:
+        kinematics, markers = Kinematics(self.mechanism), dict[str, PointMotion]()
+        for marker in self.mechanism.markers:
+            row = kinematics.point(marker.body, marker.point)
+            expected = self.reference.marker(marker.name)
+            place = kinematics.position(row, q) if self._placed else expected.position
+            speed = kinematics.velocity(row, q, u) if self._moving else expected.velocity
+            self.told |= {f"{marker.name} x"} if self._placed else set()
+            self.told |= {f"{marker.name} vx"} if self._moving else set()
+            names = [[f"{marker.name} {v}{axis}" for axis in "xy"] for v in ("", "v")]
+            markers[marker.name] = PointMotion(self._columns(names[0], place), self._columns(names[1], speed))
+        return markers
+
+    def tells(self, metric: Metric) -> bool:
+        """Whether the file gives what a metric is of."""
+        return all(each in self.told for each in self._needed(metric))
+
+    def _needed(self, metric: Metric) -> list[str]:
+        name, subject = metric.name, metric.subject
+        closed = [f"release {stop.name}" for stop in self.mechanism.stops if stop.closed]
+        thrown = self.runner.until.thrown
+        energies = ["kinetic energy", "potential energy"]
+        state = [f"{kind} {each}" for kind in "qu" for each in self.mechanism.coordinates]
+        placed = state[: len(state) // 2]
+        needed = {
+            "position_max": [f"{subject} x"], "position_rms": [f"{subject} x"], "velocity_max": [f"{subject} vx"],
+            "angle_max": [f"q {subject}"], "slide_max": [f"q {subject}"],
+            "angular_speed_max": [f"u {subject}"], "slide_speed_max": [f"u {subject}"],
+            "launch_time": [f"{thrown} x", f"{thrown} vx", *closed],
+            "launch_speed": [f"{thrown} x", f"{thrown} vx", *closed],
+            "release_time": [f"release {subject}"],
+            "kinetic_energy_max": energies[:1], "potential_energy_max": energies[1:],
+            "energy_balance": energies, "energy_drift": energies, "energy_drift_kinetic": energies,
+            "horizontal_momentum": state,
+            "stop_gap_held": [*placed, f"release {subject}"], "stop_penetration": placed,
+            "complementarity": [*placed, f"stop {subject}"],
+            "stop_torque_max": [f"stop {subject}"], "joint_reaction_max": [f"joint {subject} x"],
+        }  # fmt: skip
+        return needed.get(name, [])

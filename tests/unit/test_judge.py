@@ -1,0 +1,164 @@
+"""Files that somebody else made: what they give is judged, the rest is not, and broken ones are refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from trebucheck.cli.app import main
+from trebucheck.comparisons.judge.report import headline
+from trebucheck.comparisons.judge.study import NOT_GIVEN, Judgement, judge_file
+from trebucheck.comparisons.runs.results import Outcome
+from trebucheck.comparisons.runs.study import Study
+from trebucheck.models.trajectory import save
+
+MODEL = "catapult"
+STATE = ("q theta", "u theta")
+
+
+@pytest.fixture(scope="module")
+def motion() -> tb.Trajectory:
+    return tb.engine("reference", timestep=5e-3).simulate(tb.Problem(tb.model(MODEL), duration=2.0))
+
+
+def _unit(column: str) -> str:
+    if column[:2] in ("q ", "u "):
+        return {"q": "rad", "u": "rad/s"}[column[0]]
+    if "energy" in column:
+        return "J"
+    return "N" if column.startswith("joint") else "m/s" if " v" in column else "m"
+
+
+def _csv(path: Path, motion: tb.Trajectory, *columns: str, head: str = "", scale: float = 1.0) -> Path:
+    frame = motion.to_dataframe()
+    chosen = frame[list(columns)] * scale if columns else frame
+    names = ",".join(["t [s]", *(f"{name} [{_unit(name)}]" for name in chosen.columns)])
+    path.write_text(f"{head}{names}\n{chosen.to_csv(header=False)}")
+    return path
+
+
+def _judged(path: Path) -> Judgement:
+    return judge_file(path, Study([MODEL], [], ()))
+
+
+def _by_state(found: Judgement) -> tuple[set[str], set[str]]:
+    """Names of the metrics that are judged, and of those that are not given."""
+    judged = {metric.name for metric in found.metrics if metric.holds is not None}
+    return judged, {metric.name for metric in found.metrics if metric.note == NOT_GIVEN and not metric.observed}
+
+
+def test_a_whole_file_is_judged_in_everything(motion: tb.Trajectory, tmp_path: Path) -> None:
+    save(motion, tmp_path / "m.nc")
+    for path in (_csv(tmp_path / "m.csv", motion), tmp_path / "m.nc"):
+        found = _judged(path)
+        judged, missing = _by_state(found)
+        assert found.outcome is Outcome.AGREES and not missing
+        assert {"position_max", "launch_time", "joint_reaction_max", "energy_balance", "angle_max"} <= judged
+        assert all(abs(metric.value or 0.0) <= 1e-3 * (metric.tolerance or 0.0) for metric in found.judged)
+
+
+def test_what_is_not_given_is_not_judged_and_nothing_is_believed(motion: tb.Trajectory, tmp_path: Path) -> None:
+    judged, missing = _by_state(_judged(_csv(tmp_path / "q.csv", motion, "q theta")))
+    assert judged == {"missing_time", "position_max", "angle_max", "potential_energy_max"}
+    assert {"velocity_max", "angular_speed_max", "launch_time", "kinetic_energy_max", "energy_balance"} <= missing
+    judged, _ = _by_state(_judged(_csv(tmp_path / "qu.csv", motion, *STATE)))
+    assert {"velocity_max", "launch_speed", "energy_balance", "kinetic_energy_max"} <= judged
+    found = _judged(_csv(tmp_path / "p.csv", motion, "projectile x", "projectile y"))
+    judged = {metric.label for metric in found.judged}
+    assert judged == {"missing_time", "position_max (projectile)"} and "not given, and not judged" in headline(found)
+
+
+@pytest.mark.parametrize(
+    ("columns", "broken"),
+    [
+        (("q theta",), {"angle_max", "position_max"}),
+        (("projectile x", "projectile y"), {"position_max"}),
+        ((*STATE,), {"angular_speed_max", "energy_balance"}),
+        (("q theta", "joint fulcrum x", "joint fulcrum y"), {"joint_reaction_max"}),
+        (("q theta", "kinetic energy"), {"kinetic_energy_max"}),
+    ],
+)
+def test_what_is_wrong_disagrees(
+    columns: tuple[str, ...], broken: set[str], motion: tb.Trajectory, tmp_path: Path
+) -> None:
+    found = _judged(_csv(tmp_path / "w.csv", motion, *columns, scale=1.01))
+    assert found.outcome is Outcome.DISAGREES
+    assert broken <= {metric.name for metric in found.broken}
+
+
+def test_units_are_converted(motion: tb.Trajectory, tmp_path: Path) -> None:
+    degrees = np.degrees(motion.q[:, 0])
+    lines = [f"{1e3 * t!r},{q!r}" for t, q in zip(motion.t.tolist(), degrees.tolist(), strict=True)]
+    path = tmp_path / "d.csv"
+    path.write_text("\n".join(["# measured on a Tuesday", "t [ms], theta [deg]", *lines]))
+    assert _judged(path).outcome is Outcome.AGREES
+    path.write_text("\n".join(["t [ms], theta [rad]", *lines]))
+    assert _judged(path).outcome is Outcome.DISAGREES
+
+
+def test_a_file_that_ends_early_or_has_gaps_disagrees(motion: tb.Trajectory, tmp_path: Path) -> None:
+    text = _csv(tmp_path / "all.csv", motion, *STATE).read_text().splitlines()
+    for name, kept in (("early.csv", text[:200]), ("gap.csv", [*text[:100], *text[250:]])):
+        (tmp_path / name).write_text("\n".join(kept))
+        assert "missing_time" in {metric.name for metric in _judged(tmp_path / name).broken}
+
+
+def test_releases_are_judged(tmp_path: Path) -> None:
+    motion = tb.engine("reference", timestep=1e-2).simulate(tb.Problem(tb.fixed(), duration=2.8))
+    angles = [f"q {name}" for name in ("theta", "phi", "alpha")]
+    times = dict(motion.release_times)
+    for late, outcome in ((0.0, Outcome.AGREES), (0.01, Outcome.DISAGREES)):
+        head = "".join(f"# release {name} [s] = {times[name] + late!r}\n" for name in ("hanger rest", "sling rest"))
+        found = judge_file(_csv(tmp_path / "r.csv", motion, *angles, head=head), Study(["fixed"], [], ()))
+        assert found.outcome is outcome
+        assert {m.subject for m in found.judged if m.name == "release_time"} == {"hanger rest", "sling rest"}
+
+
+BROKEN = [
+    ("", "it is empty"),
+    ("t [s],q theta [rad]\n", "line 1: 0 lines of numbers follow; at least two are needed"),
+    ("t [s],q thata [rad]\n0,1\n1,2\n", "line 1: there is no column 'q thata' (did you mean 'q theta'?)"),
+    ("t [s],q theta\n0,1\n1,2\n", "line 1: column 'q theta' has no unit; there are: [rad], [deg]"),
+    ("t [s],q theta [m]\n0,1\n1,2\n", "line 1: column 'q theta' has the unit [m]; there are: [rad], [deg]"),
+    ("t [s],q theta [rad],theta [deg]\n0,1,1\n1,2,1\n", "line 1: column 'q theta' is there twice"),
+    ("q theta [rad]\n0\n1\n", "line 1: there is no column 't [s]'"),
+    ("t [s],u theta [rad/s]\n0,1\n1,2\n", "neither the coordinates nor the position of a marker"),
+    ("t [s],projectile x [m]\n0,1\n1,2\n", "column 'projectile x' is there without 'projectile y'"),
+    ("# a\n\nt [s],q theta [rad]\n0,1\n1\n", "line 5 has 1 values; the headings are 2"),
+    ("t [s],q theta [rad]\n0,1\n1,one\n", "line 3: q theta is 'one', which is no number"),
+    ("t [s],q theta [rad]\n0,1\n1,nan\n", "line 3: q theta is nan; a finite number is needed"),
+    ("t [s],q theta [rad]\n0.5,1\n1,1\n", "line 2: t begins at 0.5 s instead of 0"),
+    ("t [s],q theta [rad]\n0,1\n2,1\n1,1\n", "line 4: t decreases from 2 s to 1 s"),
+    ("t [s],q theta [rad]\n0,1\n0,1\n", "line 3: t is 0 to the end"),
+    ("# release trigger [s] = 1\nt [s],q theta [rad]\n0,1\n1,1\n", "line 1: there is no stop 'trigger'"),
+    ('t [s],q theta [rad]\n0,"1\n1,1\n', "line 2: "),
+    ("t [s],q theta [rad]\n0,1\n1,\udcff\n", "line 3 is not UTF-8 text"),
+]
+
+
+@pytest.mark.parametrize(("text", "said"), BROKEN)
+def test_a_broken_file_gets_one_sentence_with_its_line(
+    text: str, said: str, tmp_path: Path, refused: Callable[..., str]
+) -> None:
+    (tmp_path / "my.csv").write_bytes(text.encode(errors="surrogateescape"))
+    sentence = refused("judge", "my.csv", "--model", MODEL)
+    assert "my.csv: " in sentence and said in sentence
+
+
+def test_no_netcdf_is_one_sentence(tmp_path: Path, refused: Callable[..., str]) -> None:
+    (tmp_path / "my.nc").write_bytes(b"\x89HDF\r\n\x1a\nabc")
+    assert "it is no NetCDF file" in refused("judge", "my.nc", "--model", MODEL)
+    assert "cannot be read" in refused("judge", "none.csv", "--model", MODEL)
+
+
+def test_the_command_says_it_in_its_exit_code(
+    motion: tb.Trajectory, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for scale, code, verdict in ((1.0, 0, "agrees in what it gives"), (1.01, 1, "disagrees")):
+        path = _csv(tmp_path / "my.csv", motion, "q theta", scale=scale)
+        assert main(["judge", str(path), "--model", MODEL, "--out", str(tmp_path / "out")]) == code
+        assert f"my.csv {verdict} on 'catapult'" in capsys.readouterr().out
+    assert Judgement.load(tmp_path / "out" / "judgement.json").broken
