@@ -20,6 +20,7 @@ import mjcf
 import notebook
 import trebucheck as tb
 import typer
+from mjcf_readme import readme
 from trebucheck.cli.app import app
 from trebucheck.comparisons.compare import plots as figures
 from trebucheck.comparisons.compare.agreement import differences
@@ -297,6 +298,7 @@ def write_mjcf() -> None:
         motion = record_motion(mechanism)
         (folder / RECORDED_FILE).write_text(motion.model_dump_json() + "\n")
         write_model_folder(mechanism, folder, motion=motion)
+        (folder / "README.md").write_text(readme(name, motion))
         mjcf.draw(mechanism, motion, folder)
 
 

@@ -13,7 +13,7 @@ import xarray as xr
 from PIL import Image
 from trebucheck.comparisons.data.files import content
 from trebucheck.models import mjcf as descriptions
-from trebucheck.models.machines.registry import models
+from trebucheck.models.machines.registry import models, parameters_type
 from trebucheck.models.mjcf.recorded import event_names, stored_motion
 from trebucheck.models.mjcf.writer import POINT_INERTIA, mjcf
 from trebucheck.reference.solution import Solution
@@ -189,3 +189,15 @@ def test_pictures_are_small(name: str) -> None:
     with Image.open(folder / f"{name}.png") as still, Image.open(folder / f"{name}.gif") as moving:
         assert still.size == (640, 480) and moving.n_frames > 40
     assert (folder / f"{name}.gif").stat().st_size < 400_000
+
+
+@every_model
+def test_the_readme_is_of_this_model(name: str) -> None:
+    """Its names, parameters and times; the figures are measured when it is written."""
+    text = (Path(tb.mjcf_path(name)).parent / "README.md").read_text()
+    model = mujoco.MjModel.from_xml_path(tb.mjcf_path(name))
+    for key in (model.key(i) for i in range(1, model.nkey)):
+        assert f"| `{key.name}` | {key.time[0]:.9f} |" in text
+    assert ", ".join(model.joint(i).name for i in range(model.njnt)) in text
+    for parameter, field in parameters_type(name).model_fields.items():
+        assert f"| `{parameter}` | {field.default:.6g} |" in text
