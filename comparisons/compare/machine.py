@@ -225,6 +225,7 @@ def machine_row(runner: Runner, needs: Needs) -> Machine:
         mechanism=mechanism,
         mechanism_hash=mechanism.content_hash,
         table_one=is_table_one(mechanism),
+        stop_law=runner.law,
         compared_to=end,
         judged_to=runner.judged_to,
         stretching=runner.stretching,

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 
 from ...models.machines.trebuchet import parameters_of
+from ...models.problem import StopLaw
 from ...reference.certification.certificate import load_certificate
 from ..report import document as doc
 from ..report.document import (
@@ -151,6 +152,12 @@ def _metrics(machine: Machine, run: Run) -> doc.Fold:
     return doc.Fold(title, (table(_METRIC_COLUMNS, run.metrics, run.label),), anchor=metrics_anchor(run))
 
 
+_LAWS = {
+    StopLaw.RELEASE_ONCE: "A stop that has opened stays open (release-once).",
+    StopLaw.UNILATERAL: "A stop closes again when its gap comes back to zero (unilateral).",
+}
+
+
 def _reference_sentences(machine: Machine) -> Iterator[str]:
     if machine.launch_time is None:
         yield "The reference does not launch."
@@ -159,8 +166,10 @@ def _reference_sentences(machine: Machine) -> Iterator[str]:
     yield f"Compared from the start to {machine.compared_to:.6g} s."
     if machine.needs:
         yield f"Tolerances asked for: {', '.join(f'{name} {text}' for name, text in machine.needs.items())}."
+    if machine.mechanism.stops:
+        yield _LAWS[machine.stop_law]
     if machine.impacts:
-        yield f"The reference has {machine.impacts} impact{'s' if machine.impacts > 1 else ''}, which take energy."
+        yield f"The reference has {machine.impacts} impact{'s' if machine.impacts > 1 else ''}."
     for name, time in machine.release_times.items():
         if time is not None:
             stop = machine.mechanism.stop(name)

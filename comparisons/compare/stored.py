@@ -8,11 +8,10 @@ from pathlib import Path
 
 from ...models.errors import InputError
 from ...models.files import read_bytes
-from ...models.problem import Problem
 from ...models.trajectory import load
-from ...reference.solver import solve
 from ..runs.results import COMPARED, FORMAT, Results
 from ..runs.store import Store
+from ..runs.until import Until
 from .study import Comparison
 
 
@@ -28,7 +27,7 @@ def stored(folder: str | Path) -> Comparison:
     missing = [str(path) for path in kept.values() if not path.is_file()]
     if missing:
         raise InputError(f"trajectory {missing[0]!r} is missing; make the comparison again.")
-    solutions = {m.model: solve(Problem(m.mechanism, duration=m.compared_to)) for m in results.machines}
+    solutions = {m.model: Until("time", m.compared_to).solve(m.mechanism, m.stop_law)[0] for m in results.machines}
     return Comparison(results, solutions, {key: load(path) for key, path in kept.items()}, repeated=True)
 
 

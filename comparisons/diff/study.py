@@ -92,6 +92,8 @@ def _unlike(old: Machine, new: Machine) -> str:
         return f"another mechanism: hash {old.mechanism_hash[:12]}, now {new.mechanism_hash[:12]}"
     if old.thrown != new.thrown:
         return f"another marker is launched: {old.thrown}, now {new.thrown}"
+    if old.stop_law is not new.stop_law:
+        return f"another law of the stops: {old.stop_law.value}, now {new.stop_law.value}"
     if not math.isclose(old.compared_to, new.compared_to, rel_tol=_SAME_END):
         return f"another end of the motion: {old.compared_to:.6g} s, now {new.compared_to:.6g} s"
     return ""

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, JsonValue
 
 from ...models.mechanism import Mechanism
+from ...models.problem import StopLaw
 from ...models.spec import Real, Spec
 from .scales import Scales
 
@@ -255,6 +256,7 @@ class Machine(Spec):
     mechanism: Mechanism
     mechanism_hash: str
     table_one: bool = Field(description="whether it is the paper's Table I machine")
+    stop_law: StopLaw = Field(default=StopLaw.RELEASE_ONCE, description="that the stops follow")
     compared_to: Real = Field(description="end of the compared motion: the launch, or the duration [s]")
     judged_to: Real = Field(description="the end, or the predictability horizon if that is earlier [s]")
     stretching: Real = Field(description="relative displacement of the motion up to there per change of inertia")

@@ -12,8 +12,10 @@ from pathlib import Path
 import pytest
 import trebucheck as tb
 from trebucheck.cli.app import main
-from trebucheck.comparisons.compare.stored import read_results
+from trebucheck.comparisons.compare.report import document
+from trebucheck.comparisons.compare.stored import read_results, stored
 from trebucheck.comparisons.compare.study import Comparison, compare_study
+from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.runs import store as store_module
 from trebucheck.comparisons.runs.runner import Worker
 from trebucheck.comparisons.runs.store import Store, conditions, plug_in_digest
@@ -150,6 +152,19 @@ def test_a_plug_in_that_is_being_written_is_run_again(tmp_path: Path, monkeypatc
     assert plug_in_digest("written_today.deeper.engine") != before
     del sys.modules["written_today"]
     assert plug_in_digest("trebucheck.engines.reference.engine") == ""
+
+
+def test_a_comparison_read_again_has_the_reference_that_it_was_made_with(tmp_path: Path) -> None:
+    """With its impacts, and as far as an engine may end later than the reference."""
+    store = Store(tmp_path / "trajectories")
+    made = compare_study(Study(["bouncing"], ["reference"], ["tuned"], until=1.0, store=store, isolate=False))
+    (tmp_path / "results.json").write_text(made.results.to_json())
+    again = stored(tmp_path)
+    (machine,), name = again.results.machines, made.results.machines[0].model
+    assert machine.stop_law is tb.StopLaw.UNILATERAL
+    assert machine.impacts > 0
+    assert again.solutions[name].impacts == made.solutions[name].impacts
+    assert "unilateral" in page(document(again))
 
 
 def test_the_settings_of_an_engine_are_among_the_conditions() -> None:
