@@ -40,9 +40,9 @@ def conform_command(
     judged (an engine that is not installed), 2 wrong input.
 
     Examples:
-    trebucheck conform mujoco --tier quick
+    trebucheck conform mujoco --problem catapult
 
-    trebucheck conform my_package:MyEngine --problem double-pendulum
+    trebucheck conform my_package:MyEngine --tier quick
     """
     from ..conformance.certificate import badge, certificate
     from ..conformance.session import Session

@@ -20,6 +20,7 @@ NEEDS = {
     "figures": "results of an earlier comparison",
     "view": "a screen",
     "importer": "an importer",
+    "judge": "a file of somebody else's",
 }
 
 

@@ -12,7 +12,7 @@ import typer
 from trebucheck.cli.app import app
 
 ROOT = Path(__file__).parents[2]
-ROWS = "compare", "diff", "converge", "explain", "recommend", "throw", "animate", "paper", "certify"
+ROWS = "compare", "diff", "converge", "explain", "recommend", "throw", "animate", "paper", "certify", "conform", "judge"
 
 
 def _printed(name: str) -> Iterator[str]:
