@@ -55,6 +55,10 @@ def export_command(
     keyframes: Annotated[
         bool, typer.Option(help="A keyframe at each release, impact and rest and at the launch, from the reference.")
     ] = True,
+    sensors: Annotated[bool, typer.Option(help="Without sensors older versions of MuJoCo read it.")] = True,
+    finite_inertia: Annotated[
+        bool, typer.Option("--finite-inertia", help="Point masses on pins with an inertia; they move the same.")
+    ] = False,
     out: Annotated[Path | None, options.out("Folder to write; the machine's name by default.")] = None,
 ) -> None:
     """Write a machine's MJCF: NAME.xml, and scene.xml with ground, light and camera to open it in the viewer.
@@ -62,11 +66,13 @@ def export_command(
     Example: trebucheck models export rolling --set r=7 --out my-rolling
     """
     from ..comparisons.mjcf.model import motion_of
+    from ..models.mjcf.variants import Variant
     from ..models.mjcf.writer import write_model_folder
 
+    variant = Variant(sensors=sensors, finite_inertia=finite_inertia)
     for mechanism in options.machines(name, assignments, beam):
         folder = out or Path(mechanism.name)
-        write_model_folder(mechanism, folder, timestep, motion_of(mechanism) if keyframes else None)
+        write_model_folder(mechanism, folder, timestep, motion_of(mechanism) if keyframes else None, variant)
         typer.echo(f"Wrote {output.printable(str(folder))}")
 
 

@@ -10,6 +10,7 @@ from ...models.mechanism import Mechanism
 from ...models.mjcf import writer
 from ...models.mjcf.paths import as_spec as spec_of
 from ...models.mjcf.recorded import RecordedMotion, stored_motion
+from ...models.mjcf.variants import Variant
 from ...models.problem import Problem
 from .events import record_motion
 
@@ -19,6 +20,8 @@ def mjcf(
     *,
     timestep: float = 1e-3,
     keyframes: bool = True,
+    sensors: bool = True,
+    finite_inertia: bool = False,
     as_spec: bool = False,
     **parameters: float,
 ) -> Any:
@@ -32,6 +35,10 @@ def mjcf(
         timestep: of MuJoCo's integrator [s]; the stiffness of stops and loops is scaled with it.
         keyframes: whether the reference is solved for a keyframe at each release, impact and rest, and at the launch;
             `home`, the start, is always there.
+        sensors: whether sensors are written; without them older versions of MuJoCo read it.
+        finite_inertia: give point masses on pins an inertia, for importers that refuse or raise small ones. Mass is
+            moved across the pins, so that the equations of motion stay what they are; the forces in these pins do not,
+            and of a pin on the ground the total mass grows. The third point mass of a chain stays one.
         as_spec: give a `mujoco.MjSpec` instead of text.
         parameters: of a named machine or problem; their defaults where left out.
 
@@ -45,7 +52,8 @@ def mjcf(
     if parameters and not isinstance(given, str):
         raise InputError(f"{', '.join(parameters)}: only what has a name has parameters; this is a mechanism as it is.")
     mechanism = found.mechanism if isinstance(found, Problem) else found
-    text = writer.mjcf(mechanism, timestep, motion_of(found) if keyframes else None)
+    variant = Variant(sensors=sensors, finite_inertia=finite_inertia)
+    text = writer.mjcf(mechanism, timestep, motion_of(found) if keyframes else None, variant)
     return spec_of(text) if as_spec else text
 
 

@@ -34,6 +34,7 @@ from .recorded import HOME, RecordedMotion
 from .scene import SCENE_FILE, scene
 from .text import as_text, from_origin, number, numbers, spatial
 from .tree import add_angle_tendon, hinge_weights, joint_values, slide_joints, start_angles
+from .variants import Variant, inertias
 
 KINETIC_ENERGY, POTENTIAL_ENERGY = "energy/kinetic", "energy/potential"
 
@@ -62,13 +63,19 @@ def velocity_sensor(marker: str) -> str:
     return f"{marker}/velocity"
 
 
-def mjcf(mechanism: Mechanism, timestep: float = 1e-3, motion: RecordedMotion | None = None) -> str:
+def mjcf(
+    mechanism: Mechanism,
+    timestep: float = 1e-3,
+    motion: RecordedMotion | None = None,
+    variant: Variant = Variant(),  # noqa: B008 - frozen
+) -> str:
     """The mechanism as MJCF text, the same for equal mechanisms, to the byte.
 
     Args:
         mechanism: any.
         timestep: of MuJoCo's integrator [s]; the stiffness of stops and loops is scaled with it.
         motion: of this mechanism; its events become keyframes beside that of the start, `home`.
+        variant: what is written otherwise than in the committed files.
 
     Raises:
         InputError: the time step is not positive and finite, or the motion is another mechanism's.
@@ -78,14 +85,14 @@ def mjcf(mechanism: Mechanism, timestep: float = 1e-3, motion: RecordedMotion | 
         raise InputError(f"timestep = {timestep!r} s must be positive and finite.")
     if motion is not None and motion.mechanism_hash != mechanism.content_hash:
         raise InputError(f"motion is not one of {mechanism.name!r}: it was recorded of another mechanism.")
-    root = _Writer(mechanism, timestep, motion).root()
+    root = _Writer(mechanism, timestep, motion, variant).root()
     rename(root)
     return as_text(root)
 
 
 @lru_cache(maxsize=64)
 def _names(mechanism: Mechanism) -> Mapping[str, str]:
-    return MappingProxyType(names_in(_Writer(mechanism, 1e-3, None).root()))
+    return MappingProxyType(names_in(_Writer(mechanism, 1e-3, None, Variant()).root()))
 
 
 def mjcf_names(mechanism: Mechanism) -> Mapping[str, str]:
@@ -110,7 +117,11 @@ def model_file(mechanism: Mechanism) -> str:
 
 
 def write_model_folder(
-    mechanism: Mechanism, folder: str | Path, timestep: float = 1e-3, motion: RecordedMotion | None = None
+    mechanism: Mechanism,
+    folder: str | Path,
+    timestep: float = 1e-3,
+    motion: RecordedMotion | None = None,
+    variant: Variant = Variant(),  # noqa: B008 - frozen
 ) -> tuple[Path, Path]:
     """Write the model (`rolling.xml`, by the mechanism's name) and `scene.xml` into a folder.
 
@@ -121,6 +132,7 @@ def write_model_folder(
         folder: where to; files of the same names are replaced.
         timestep: as :func:`mjcf` [s].
         motion: as :func:`mjcf`; the camera is fitted to its path.
+        variant: as :func:`mjcf`.
 
     Returns:
         The two paths.
@@ -130,7 +142,7 @@ def write_model_folder(
         UnsupportedProblemError: as :func:`mjcf`.
     """
     model = model_file(mechanism)
-    texts = {model: mjcf(mechanism, timestep, motion), SCENE_FILE: scene(mechanism, model, motion)}
+    texts = {model: mjcf(mechanism, timestep, motion, variant), SCENE_FILE: scene(mechanism, model, motion)}
     for name, text in texts.items():
         write_text(Path(folder) / name, text)
     return Path(folder) / model, Path(folder) / SCENE_FILE
@@ -139,8 +151,9 @@ def write_model_folder(
 class _Writer:
     """One model's elements."""
 
-    def __init__(self, mechanism: Mechanism, timestep: float, motion: RecordedMotion | None) -> None:
-        self.mechanism, self.motion = mechanism, motion
+    def __init__(self, mechanism: Mechanism, timestep: float, motion: RecordedMotion | None, variant: Variant) -> None:
+        self.mechanism, self.motion, self.variant = mechanism, motion, variant
+        self.inertias = inertias(mechanism, variant)
         self.timestep = timestep
         self.start, self.speeds = (values.tolist() for values in initial_state(mechanism))
         self.angle = start_angles(mechanism)
@@ -165,7 +178,8 @@ class _Writer:
         if self.on_tendon or self.points.turned or self.forces.needs_tendons:
             self._add_tendons(ET.SubElement(root, "tendon"))
         self.forces.add_actuators(root)
-        self._add_sensors(ET.SubElement(root, "sensor"))
+        if self.variant.sensors:
+            self._add_sensors(ET.SubElement(root, "sensor"))
         self._add_keyframes(ET.SubElement(root, "keyframe"))
         return root
 
@@ -227,10 +241,10 @@ class _Writer:
         joint = self.mechanism.joint_of(body.name)
         turn = self._turn(joint)
         element = ET.SubElement(parent, "body", name=body.name, pos=self._origin(joint), euler=numbers(0, turn, 0))
-        inertia = max(body.inertia, POINT_INERTIA)
+        mass = self.inertias[body.name]
         ET.SubElement(
-            element, "inertial", pos=from_origin(joint.child_point, body.centre), mass=number(body.mass),
-            diaginertia=numbers(inertia, inertia, inertia),
+            element, "inertial", pos=from_origin(joint.child_point, (mass.centre.real, mass.centre.imag)),
+            mass=number(mass.mass), diaginertia=numbers(*[max(mass.inertia, POINT_INERTIA)] * 3),
         )  # fmt: skip
         self._add_joints(element, joint)
         self.appearance.add(element, body, joint.child_point)

@@ -201,3 +201,36 @@ def test_the_readme_is_of_this_model(name: str) -> None:
     assert ", ".join(model.joint(i).name for i in range(model.njnt)) in text
     for parameter, field in parameters_type(name).model_fields.items():
         assert f"| `{parameter}` | {field.default:.6g} |" in text
+
+
+# --- Variants -----------------------------------------------------------------------------------------------------
+
+
+def dynamics(text: str, states: Any) -> Any:
+    """Mass matrices and accelerations without limits in states."""
+    model = mujoco.MjModel.from_xml_string(text)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT | mujoco.mjtDisableBit.mjDSBL_CONTACT
+    data, mass = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    for qpos, qvel in states:
+        data.qpos, data.qvel = qpos, qvel
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, mass)
+        yield mass.copy(), data.qacc.copy()
+
+
+@pytest.mark.parametrize("name", [*models(), "double-pendulum", "pendulum"])
+def test_finite_inertia_leaves_the_equations_of_motion(name: str) -> None:
+    model = mujoco.MjModel.from_xml_string(tb.mjcf(name, keyframes=False, finite_inertia=True))
+    assert model.body_inertia[model.body_mass > 0].min() > 1e-4
+    n, rng = model.nv, np.random.default_rng(3)
+    states = [(rng.uniform(-3, 3, n), rng.uniform(-3, 3, n)) for _ in range(5)]
+    texts = (tb.mjcf(name, keyframes=False, finite_inertia=finite) for finite in (False, True))
+    for (mass, acceleration), (other, others) in zip(*(dynamics(text, states) for text in texts), strict=True):
+        assert other == pytest.approx(mass, rel=1e-12, abs=1e-12 * np.abs(mass).max())
+        assert others == pytest.approx(acceleration, rel=1e-9, abs=1e-9 * np.abs(acceleration).max())
+
+
+def test_without_sensors_the_model_is_the_same() -> None:
+    with_them, without = tb.mjcf("floating-arm"), tb.mjcf("floating-arm", sensors=False)
+    assert "<sensor>" not in without
+    assert with_them.replace(with_them[with_them.index("  <sensor>") : with_them.index("  <keyframe>")], "") == without

@@ -1,0 +1,77 @@
+"""Variants of a mechanism's MJCF for what else reads it: without sensors, and without bodies of no inertia.
+
+Finite inertia costs nothing where a body hangs on a pin. Mass that is moved from the parent's end of the pin to the
+child's leaves the equations of motion as they are, and with its mass and centre the child's inertia changes: its mass
+m, first moment S and second moment J about the pin give the inertia J - S^2 / m, which grows with m (these are the
+regrouped inertial parameters of robot identification; Gautier and Khalil, IEEE Trans. Robot. Autom. 6 (1990) 368).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..joints import GROUND, AnyJoint, PinJoint
+from ..mechanism import Mechanism
+
+_SHARE = 1e-3  # least moment of inertia, in parts of the second moment about the body's pin
+
+
+@dataclass(frozen=True)
+class Variant:
+    """What is written otherwise than in the committed files."""
+
+    sensors: bool = True
+    """Sensors alone ask for MuJoCo 3.3."""
+    finite_inertia: bool = False
+    """Whether point masses on pins have an inertia, with the same equations of motion; forces in these pins differ."""
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """Mass [kg], centre [m] and moment of inertia about it [kg m^2] of a body, in its frame."""
+
+    mass: float
+    centre: complex
+    inertia: float
+
+    def with_mass_at(self, point: complex, mass: float) -> Inertia:
+        """With a point mass added, or taken away [kg]."""
+        total = self.mass + mass
+        centre = (self.mass * self.centre + mass * point) / total
+        about = self.mass * abs(self.centre - centre) ** 2 + mass * abs(point - centre) ** 2
+        return Inertia(total, centre, self.inertia + about)
+
+    def second_moment(self, point: complex) -> float:
+        """About a point [kg m^2]."""
+        return self.inertia + self.mass * abs(self.centre - point) ** 2
+
+
+def inertias(mechanism: Mechanism, variant: Variant) -> dict[str, Inertia]:
+    """Mass, centre and inertia of each body by name, as they are written."""
+    found = {body.name: Inertia(body.mass, complex(*body.centre), body.inertia) for body in mechanism.bodies}
+    if variant.finite_inertia:
+        for body in reversed(mechanism.bodies):
+            _enlarge(mechanism, found, mechanism.joint_of(body.name))
+    return found
+
+
+def _enlarge(mechanism: Mechanism, found: dict[str, Inertia], joint: AnyJoint) -> None:
+    """Move as much mass from the parent to the child of a pin as gives the child its least inertia.
+
+    Not if the parent then had a negative inertia that it could not get from the ground: the third point mass of a chain
+    stays one.
+    """
+    child, at = found[joint.child], complex(*joint.child_point)
+    needed = _SHARE * child.second_moment(at)
+    if not isinstance(joint, PinJoint) or child.inertia >= needed:
+        return
+    first = child.mass * abs(child.centre - at)
+    moved = first**2 / (child.second_moment(at) - needed) - child.mass
+    if joint.parent != GROUND:
+        smaller = found[joint.parent].with_mass_at(complex(*joint.parent_point), -moved)
+        carrier = mechanism.joint_of(joint.parent)
+        from_ground = isinstance(carrier, PinJoint) and carrier.parent == GROUND
+        if smaller.mass <= 0 or (smaller.inertia <= 0 and not from_ground):
+            return
+        found[joint.parent] = smaller
+    found[joint.child] = child.with_mass_at(at, moved)
