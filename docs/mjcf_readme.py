@@ -100,8 +100,8 @@ _REST = """\
 - RK4 is the integrator: MuJoCo's others are of first order here. In another scene (`MjSpec.attach`) the options are
   that scene's: give it this file's `timestep`, `integrator` and `tolerance`.
 - Names have no blanks or slashes; `tb.mjcf_names` gives them by the mechanism's own and by those of earlier files.
-- Variants: `tb.mjcf(..., sensors=False)` for older versions of MuJoCo; `finite_inertia=True` for importers that refuse or
-  raise small inertias: mass moved across pins gives point masses one, with the same equations of motion.
+- Variants: `tb.mjcf(..., sensors=False)` for older versions of MuJoCo; `finite_inertia=True` for importers that refuse
+  or raise small inertias: mass moved across pins gives point masses one, with the same equations of motion.
 - MIT licence, see LICENSE; changes are in CHANGELOG.md."""
 
 
