@@ -55,7 +55,7 @@ def export_command(
     keyframes: Annotated[
         bool, typer.Option(help="A keyframe at each release, impact and rest and at the launch, from the reference.")
     ] = True,
-    sensors: Annotated[bool, typer.Option(help="Without sensors older versions of MuJoCo read it.")] = True,
+    sensors: Annotated[bool, typer.Option(help="Without sensors it is read by older versions, too.")] = True,
     finite_inertia: Annotated[
         bool, typer.Option("--finite-inertia", help="Point masses on pins with an inertia; they move the same.")
     ] = False,
