@@ -62,9 +62,16 @@ class ConstrainedDynamics:
         self.mechanism, self.engine = mechanism, engine
         self.kinematics = Kinematics(mechanism)
         self.applied = AppliedForces(self.kinematics)
+        self._last: tuple[FloatArray, FloatArray, Contacts, Solved] | None = None
 
     def solve(self, q: FloatArray, u: FloatArray, held: Contacts) -> Solved:
-        """Accelerations and forces in a state, with contacts held."""
+        """Accelerations and forces in a state, with contacts held; of the last state they are kept."""
+        last = self._last
+        if last is None or last[0] is not q or last[1] is not u or last[2] != held:
+            last = self._last = (q, u, held, self._solved(q, u, held))
+        return last[3]
+
+    def _solved(self, q: FloatArray, u: FloatArray, held: Contacts) -> Solved:
         free = self.engine.accelerations(q, u, self.applied.generalized(q, u))
         rows, bias = self._rows(q, u, held)
         if not len(rows):

@@ -37,7 +37,7 @@ class OwnStops(Protocol):
 
 
 def plain_run(problem: Problem, motion: OwnStops, engine: str, timestep: float) -> Recording:
-    """Step an engine through a problem, as many whole steps as fit, and record it after each.
+    """Step an engine through a problem, in whole steps up to its end or just beyond it, and record it after each.
 
     A stop that was closed is called released at the end of the first step after which it has no force; at the start,
     where it has none after the first step either: the limits of many engines begin without force.
@@ -51,7 +51,7 @@ def plain_run(problem: Problem, motion: OwnStops, engine: str, timestep: float) 
     contacts = motion.contacts()
     pushed = {name for name in waiting if contacts.get(name, 0.0) > 0.0}
     samples.add(0.0, motion.state(), contacts, motion.observe())
-    for k in range(1, int(np.floor(problem.duration / timestep * (1 + _ROUNDING))) + 1):
+    for k in range(1, int(np.ceil(problem.duration / timestep * (1 - _ROUNDING))) + 1):
         motion.step()
         samples.steps += 1
         contacts = motion.contacts()
@@ -59,5 +59,5 @@ def plain_run(problem: Problem, motion: OwnStops, engine: str, timestep: float) 
         for name in opened:
             events.release([name], 0.0 if k == 1 and name not in pushed else k * timestep)
         waiting -= opened
-        samples.add(min(k * timestep, problem.duration), motion.state(), contacts, motion.observe())
+        samples.add(k * timestep, motion.state(), contacts, motion.observe())
     return samples.recording(events)

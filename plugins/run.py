@@ -1,4 +1,4 @@
-"""Runs the plug-ins, each in an environment of its own: its tests, then the comparison whose results are committed.
+"""Runs the plug-ins, each in an environment of its own: tests, the suite of conformance, and the committed comparison.
 
 Called by `make plugins`; needs nothing but Python. Usage: python plugins/run.py WHEEL_SOURCE NAME...
 """
@@ -52,6 +52,13 @@ def results(programs: Path, name: str) -> int:
     return 0
 
 
+def conformance(programs: Path, name: str) -> int:
+    """What the tuned preset keeps of what it declares; the certificate is left in the environment's folder."""
+    out = programs.parent / "conformance"
+    command = [str(programs / "trebucheck"), "conform", f"{name}/tuned", "--out", str(out)]
+    return subprocess.run(command, cwd=programs.parent).returncode
+
+
 def main(source: Path, names: list[str]) -> int:
     """Run them all; the exit code is that of the first that fails."""
     failed = 0
@@ -59,7 +66,7 @@ def main(source: Path, names: list[str]) -> int:
         programs = environment(name, source)
         tests = subprocess.run([str(programs / "python"), "-m", "pytest", "-q", "-c", "/dev/null", "--rootdir",
                                 str(HERE / name), str(HERE / name / "tests")])  # fmt: skip
-        failed = failed or tests.returncode or results(programs, name)
+        failed = failed or tests.returncode or conformance(programs, name) or results(programs, name)
     return failed
 
 

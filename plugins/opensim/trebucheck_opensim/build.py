@@ -101,14 +101,15 @@ class Built:
         for axis, vector in zip(axes, ((0, 0, -1), (1, 0, 0), (0, 1, 0)), strict=True):
             axis.setAxis(osim.Vec3(*map(float, vector)))
         slides = [transform.upd_translation1(), transform.upd_translation2(), transform.upd_translation3()]
+        # Directions are in the parent's frame, and the joint's frame may be turned from it; all three axes are set,
+        # because none may be along another.
+        along = [f.direction * np.exp(1j * turned) for _, f in freedoms if f.direction is not None] or [1.0 + 0j]
+        across = along[1] if len(along) > 1 else 1j * along[0]
+        vectors = (in_space((along[0].real, along[0].imag)), in_space((across.real, across.imag)), osim.Vec3(0, 0, 1))
+        for axis, vector in zip(slides, vectors, strict=True):
+            axis.setAxis(vector)
         for k, freedom in freedoms:
-            if freedom.direction is None:
-                axis = axes[0]
-            else:
-                axis = slides.pop(0)
-                # The direction is in the parent's frame, and the joint's frame may be turned from it.
-                along = freedom.direction * np.exp(1j * turned)
-                axis.setAxis(in_space((along.real, along.imag)))
+            axis = axes[0] if freedom.direction is None else slides.pop(0)
             axis.setCoordinateNames(osim.ArrayStr(f"freedom_{k}", 1))
             axis.set_function(osim.LinearFunction(1.0, 0.0))
         return transform

@@ -1,0 +1,1 @@
+"""MJX as an engine of trebucheck."""

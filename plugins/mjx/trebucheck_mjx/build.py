@@ -1,0 +1,127 @@
+"""The MJX model of a mechanism, and its functions compiled by JAX."""
+
+from __future__ import annotations
+
+import logging
+import os
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+os.environ.setdefault("JAX_PLATFORMS", "cpu")  # double precision is not to be had elsewhere
+logging.getLogger("absl").setLevel(logging.ERROR)
+
+import jax  # noqa: E402
+import mujoco  # noqa: E402
+import numpy as np  # noqa: E402
+from mujoco import mjx  # noqa: E402
+from trebucheck.engines.mujoco.read import absolute_from_relative  # noqa: E402
+from trebucheck.models.arrays import FloatArray  # noqa: E402
+from trebucheck.models.errors import UnsupportedProblemError  # noqa: E402
+from trebucheck.models.mechanism import Mechanism  # noqa: E402
+from trebucheck.models.mjcf.writer import mjcf  # noqa: E402
+
+_NOT_IN_MJX = (
+    mujoco.mjtSensor.mjSENS_E_POTENTIAL,
+    mujoco.mjtSensor.mjSENS_E_KINETIC,
+    mujoco.mjtSensor.mjSENS_JOINTLIMITFRC,
+    mujoco.mjtSensor.mjSENS_TENDONLIMITFRC,
+    mujoco.mjtSensor.mjSENS_CONTACT,
+)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the model says in a state."""
+
+    mass: FloatArray
+    """Full mass matrix, shape (n_v, n_v)."""
+    constraint: FloatArray
+    """Joint forces of all constraints, shape (n_v,)."""
+    sensors: FloatArray
+    centres: FloatArray
+    """World positions of the bodies' centres of mass [m], shape (n_body, 3)."""
+    internal: FloatArray
+    """Force of each body's parent on it, world frame [N], shape (n_body, 3)."""
+
+
+class Built:
+    """A mechanism's model with MuJoCo's bookkeeping, and MJX's functions of it."""
+
+    def __init__(self, mechanism: Mechanism, timestep: float, *, double: bool) -> None:
+        """Build and compile; in single precision unless `double`.
+
+        Raises:
+            UnsupportedProblemError: MJX has not what the model needs; its own words.
+        """
+        jax.config.update("jax_enable_x64", double)
+        self.mechanism, self.timestep = mechanism, timestep
+        spec = mujoco.MjSpec.from_string(mjcf(mechanism, timestep))
+        for sensor in [each for each in spec.sensors if each.type in _NOT_IN_MJX]:
+            spec.delete(sensor)
+        self.model: Any = spec.compile()
+        self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+        self.sums = absolute_from_relative(mechanism, self.model)
+        """C with q = start + C qpos and u = C qvel, shape (n_q, n_v)."""
+        self.differences = np.linalg.inv(self.sums)
+        data = mujoco.MjData(self.model)
+        mujoco.mj_resetDataKeyframe(self.model, data, self.model.key("home").id)
+        try:
+            self.on_device, self.data = mjx.put_model(self.model), mjx.put_data(self.model, data)
+        except NotImplementedError as error:
+            raise UnsupportedProblemError(f"mjx cannot build {mechanism.name!r}: {error}") from error
+        # The model is a constant of what is compiled: to pass its hundreds of arrays takes longer than a step.
+        self._dynamics = jax.jit(partial(_dynamics, self.on_device, self.data))
+        self._forward = jax.jit(partial(_forward, self.on_device, self.data))
+        self._step = jax.jit(partial(_step, self.on_device, self.data))
+        self._warm: Any = self.data.qacc_warmstart
+
+    def joint_state(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """MJX's positions and speeds of the mechanism's."""
+        return self.differences @ (q - np.array(self.mechanism.start)), self.differences @ u
+
+    def coordinates_of(self, positions: Any, speeds: Any) -> tuple[FloatArray, FloatArray]:
+        """The mechanism's coordinates and speeds of MJX's."""
+        j, v = np.asarray(positions, dtype=np.float64), np.asarray(speeds, dtype=np.float64)
+        return np.array(self.mechanism.start) + self.sums @ j, self.sums @ v
+
+    def dynamics(self, q: FloatArray, u: FloatArray, generalized: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Accelerations of MJX's joints and full mass matrix in a state, under generalized forces, nothing held."""
+        j, v = self.joint_state(q, u)
+        a, mass = self._dynamics(j, v, self.sums.T @ generalized)
+        return np.asarray(a, dtype=np.float64), np.asarray(mass, dtype=np.float64)
+
+    def forward(self, q: FloatArray, u: FloatArray, generalized: FloatArray) -> Seen:
+        """All that MJX says in a state, under generalized forces on the mechanism's coordinates [N m, N]."""
+        j, v = self.joint_state(q, u)
+        found = self._forward(j, v, self.sums.T @ generalized, self._warm)
+        return Seen(*(np.asarray(each, dtype=np.float64) for each in found))
+
+    def stepped(self, q: FloatArray, u: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+        """The state a step [s] later by MJX's RK4."""
+        j, v = self.joint_state(q, u)
+        positions, speeds, self._warm = self._step(j, v, np.zeros_like(v), self._warm, step)
+        return self.coordinates_of(positions, speeds)
+
+
+def _placed(data: Any, positions: Any, speeds: Any, forces: Any) -> Any:
+    as_number = partial(jax.numpy.asarray, dtype=data.qpos.dtype)
+    return data.replace(qpos=as_number(positions), qvel=as_number(speeds), qfrc_applied=as_number(forces))
+
+
+def _dynamics(model: Any, data: Any, positions: Any, speeds: Any, forces: Any) -> tuple[Any, Any]:
+    seen = mjx.forward(model, _placed(data, positions, speeds, forces))
+    return seen.qacc_smooth, mjx.full_m(model, seen)
+
+
+def _forward(model: Any, data: Any, positions: Any, speeds: Any, forces: Any, warm: Any) -> tuple[Any, ...]:
+    data = _placed(data, positions, speeds, forces).replace(qacc_warmstart=warm)
+    seen = mjx.forward(model, data)
+    internal = mjx.rne_postconstraint(model, seen).cfrc_int[:, 3:]  # `forward` leaves it, and force sensors, at zero
+    return mjx.full_m(model, seen), seen.qfrc_constraint, seen.sensordata, seen.xipos, internal
+
+
+def _step(model: Any, data: Any, positions: Any, speeds: Any, forces: Any, warm: Any, step: Any) -> tuple[Any, ...]:
+    model = model.replace(opt=model.opt.replace(timestep=jax.numpy.asarray(step, dtype=data.qpos.dtype)))
+    after = mjx.step(model, _placed(data, positions, speeds, forces).replace(qacc_warmstart=warm))
+    return after.qpos, after.qvel, after.qacc_warmstart

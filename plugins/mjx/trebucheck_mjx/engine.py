@@ -1,0 +1,76 @@
+"""MJX: MuJoCo rewritten in JAX."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, Literal
+
+from pydantic import Field
+from trebucheck.engines.event_driver import EventDriver
+from trebucheck.engines.inspection import Inspection, State
+from trebucheck.engines.plain_run import plain_run
+from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
+from trebucheck.engines.study import EngineStudy
+from trebucheck.models.features import Feature
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.problem import Problem, StopLaw
+
+from .study import STUDY
+
+
+class MjxEngine(BuiltinEngine):
+    """MJX on the MJCF of trebucheck; the defaults are the tuned preset.
+
+    Tuned, in double precision, MJX moves the tree of joints by its RK4 while nothing is held. Stops, loops and springs
+    are multipliers and generalized forces from its mass matrix and accelerations, integrated by RK4 as well; events
+    are located by trebucheck's driver.
+
+    The stock preset is MJX as it comes: single precision, joint limits that are soft constraints, RK4.
+
+    Raises:
+        InputError: an option is unknown or outside its range.
+    """
+
+    name: ClassVar[str] = "mjx"
+    package: ClassVar[str] = "mujoco-mjx"
+    module: ClassVar[str | None] = "mujoco.mjx"
+    tables: ClassVar[EngineStudy] = STUDY
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        joint_reactions=True,
+        joint_gaps=False,
+        located_releases=True,
+        stop_laws=frozenset(StopLaw),
+        formulation="minimal relative joints, RK4, double precision; stops, loops and springs by multipliers "
+        "(stock: single precision, stops as soft limits)",
+        features=frozenset(Feature),
+    )
+    stock_options: ClassVar[Mapping[str, object]] = {"limits": "soft", "precision": "single"}
+
+    limits: Literal["multipliers", "soft"] = Field(
+        default="multipliers", description="what holds a stop: multipliers, or MJX's soft limits of joints and tendons"
+    )
+    precision: Literal["double", "single"] = Field(
+        default="double", description="of MJX's numbers; multipliers ask for double"
+    )
+
+    @property
+    def resolves_impacts(self) -> bool:
+        """Whether it follows the restitution of a stop: soft limits give back what their springs do."""
+        return self.limits == "multipliers"
+
+    def _run(self, problem: Problem) -> Recording:
+        if self.limits == "multipliers":
+            from .motion import Motion
+
+            return EventDriver(problem, Motion(problem.mechanism, self.timestep), self.name, self.timestep).run()
+        from .limits import LimitedMotion
+
+        limited = LimitedMotion(problem.mechanism, self.timestep, double=self.precision == "double")
+        return plain_run(problem, limited, self.name, self.timestep)
+
+    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
+        """The built model's mass matrix, forces and forward dynamics in each state."""
+        self.refuse_absence()
+        from .inspect import inspect
+
+        return inspect(mechanism, states)
