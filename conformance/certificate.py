@@ -97,7 +97,8 @@ def next_steps(results: Conformance) -> Iterator[str]:
             continue
         first, others = found[0], [verdict.check for verdict in found[1:]]
         also = f" (also {', '.join(others)})" if others else ""
-        yield f"{where.split('/', 1)[0]}, {problem}, {first.check}{also}: {first.text} {first.cause}".strip()
+        said = f"{where.split('/', 1)[0]}, {problem}, {first.check}{also}: {first.text.removesuffix('.')}."
+        yield f"{said} It {first.cause}" if first.cause else said
 
 
 def optional_steps(label: str) -> Iterator[str]:

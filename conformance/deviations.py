@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import StringConstraints
 
+from ..engines.registry import engine_class, engine_names
 from ..models.errors import InputError
 from ..models.files import read_bytes
 from ..models.spec import Spec
@@ -31,6 +32,18 @@ class Deviation(Spec):
     def covers(self, id: str) -> bool:
         """Whether a check is among its own."""
         return id == self.id or fnmatchcase(id, self.id)
+
+    def of_another_engine(self, labels: Collection[str]) -> str:
+        """Why it is not about these engines (engine/preset), if it is about another one that there is."""
+        engine, _, rest = self.id.partition("/")
+        preset = rest.partition("/")[0]
+        if any(fnmatchcase(label, f"{engine}/{preset}") for label in labels) or engine not in engine_names():
+            return ""
+        try:
+            presets = engine_class(engine).presets()
+        except Exception:  # of a plug-in that cannot be loaded
+            return "of an engine that is not run"
+        return "of an engine that is not run" if any(fnmatchcase(each, preset) for each in presets) else ""
 
     @property
     def text(self) -> str:
@@ -69,16 +82,20 @@ class Deviations(Spec):
             return verdict
         return verdict.model_copy(update={"state": State.DEVIATES, "text": f"{row.text}: {verdict.text}"})
 
-    def of_rows(self, ids: Iterable[str], verdicts: Iterable[Verdict]) -> Iterator[Verdict]:
+    def of_rows(self, ids: Iterable[str], verdicts: Iterable[Verdict], labels: Collection[str]) -> Iterator[Verdict]:
         """A verdict on each row: broken if it is about no check, or about none that fails.
 
         Args:
             ids: of all checks there are of these engines, run or not.
             verdicts: of those that were run, rows applied.
+            labels: engine/preset of these engines; rows of others that there are say nothing here.
         """
         every, found = tuple(ids), tuple(verdicts)
         for row in self.deviation:
-            yield Verdict(id=f"deviations/file/row/{row.id}", **_of_row(row, every, found))
+            other = row.of_another_engine(labels)
+            skipped = {"state": State.SKIPPED, "text": f"row {row.id!r}: {other}"}
+            state: dict[str, Any] = skipped if other else _of_row(row, every, found)
+            yield Verdict(id=f"deviations/file/row/{row.id}", **state)
 
 
 def _of_row(row: Deviation, ids: tuple[str, ...], verdicts: tuple[Verdict, ...]) -> dict[str, Any]:

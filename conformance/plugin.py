@@ -80,6 +80,17 @@ def _refuse_alone(config: pytest.Config) -> None:
 class ConformanceItem(pytest.Item):
     """One check of one engine."""
 
+    def setup(self) -> None:
+        """Its place in a JUnit file: the problem is the class, the check the name."""
+        from _pytest.junitxml import xml_key
+
+        xml = self.config.stash.get(xml_key, None)
+        if xml is not None:
+            where, _, check = self.name.rpartition("/")
+            reporter = xml.node_reporter(self.nodeid)
+            reporter.add_attribute("classname", where.replace("/", "."))
+            reporter.add_attribute("name", check)
+
     def runtest(self) -> None:
         """Judge it; the first check of a problem runs it."""
         verdict = self.config.stash[_KEY].judged(self.name)
@@ -88,7 +99,8 @@ class ConformanceItem(pytest.Item):
             if value not in (None, ""):
                 self.user_properties.append((key, value))
         if verdict.failed:
-            raise CheckFailedError(f"{verdict.text}\n{verdict.cause}".strip())
+            source = f"tolerance by {verdict.source}" if verdict.source else ""
+            raise CheckFailedError("\n".join(filter(None, (verdict.text, source, verdict.cause))))
         if verdict.state.value == "known deviation":
             pytest.xfail(verdict.text)
         if verdict.state.value == "skipped":

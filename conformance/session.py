@@ -79,7 +79,7 @@ class Session:
 
     def _row(self, id: str) -> Verdict:
         known = [*self._by_id, *(id for s in self._suites for id in _every_id(s))]
-        rows = self._deviations.of_rows(known, self._found.values())
+        rows = self._deviations.of_rows(known, self._found.values(), [suite.target.label for suite in self._suites])
         return dict(zip(self._rows, rows, strict=True))[id]
 
     @property

@@ -241,5 +241,6 @@ def _badness(metric: Metric) -> float:
 
 
 def _complaint(m: Metric) -> str:
-    measured = m.note or f"{format_number(m.value)} {m.unit}"
-    return f"{m.label}: {measured}, tolerance {format_number(m.tolerance)} {m.unit} ({m.source}: {m.reason})"
+    unit = "" if m.unit == "1" else f" {m.unit}"
+    measured = m.note or f"{format_number(m.value)}{unit}"
+    return f"{m.label}: {measured}, tolerance {format_number(m.tolerance)}{unit}"

@@ -138,11 +138,13 @@ ROW = '[[deviation]]\nid = "{}"\nreason = "recorded in degrees"\nowner = "me"\n'
 
 def test_a_known_deviation_is_no_failure_and_a_stale_row_is_one(tmp_path: Path) -> None:
     rows = [ROW.format(f"degrees/tuned/catapult/{check}") for check in ("angle", "position", "angel")]
-    session = _session(tmp_path, "wrong_engines:Wrong_degrees", "".join(rows))
+    elsewhere = ["reference/tuned/catapult/angle", "degrees/stock/*", "degrees/tuned/rolling/slide"]
+    session = _session(tmp_path, "wrong_engines:Wrong_degrees", "".join([*rows, *map(ROW.format, elsewhere)]))
     found = {id: session.judged(id) for id in session.ids}
     failed = {id.rpartition("/")[2]: verdict for id, verdict in found.items() if verdict.failed}
-    assert set(failed) == {"position", "angel"}
+    assert set(failed) == {"position", "angel"}, failed
     assert "stale" in failed["position"].text and "no check that there is" in failed["angel"].text
+    assert [found[f"deviations/file/row/{id}"].state for id in elsewhere] == [State.SKIPPED] * 3
     known = found["degrees/tuned/catapult/angle"]
     assert known.state is State.DEVIATES and known.text.startswith("recorded in degrees (owner: me)")
     assert not session.results.passed and "1 known deviation" in headline(session.results)
@@ -164,7 +166,7 @@ def test_the_certificate_says_what_to_do_first() -> None:
     ]
     session = Session([], "quick", Deviations())
     results = session.results.model_copy(update={"verdicts": tuple(verdicts)})
-    assert list(next_steps(results)) == ["same-again: differs", "e, fixed, position (also angle): far"]
+    assert list(next_steps(results)) == ["same-again: differs", "e, fixed, position (also angle): far."]
     assert not results.passed and "does not conform" in headline(results)
     assert ElementTree.fromstring(badge(results)).attrib["role"] == "img"
     assert certificate(results).verdict == headline(results)
@@ -213,8 +215,9 @@ def test_pytest_runs_the_suite_from_a_strangers_folder_and_none_of_its_tests(tmp
     done = _pytest(tmp_path, *asked, *files, "--require-engine", "degrees")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "1 xfailed" in done.stdout and "test_own" not in done.stdout
-    cases = {c.attrib["name"]: c for c in ElementTree.parse(tmp_path / "j.xml").iter("testcase")}
-    position = cases["degrees.tuned.catapult.position"]
+    found = ElementTree.parse(tmp_path / "j.xml").iter("testcase")
+    cases = {(case.attrib["classname"], case.attrib["name"]): case for case in found}
+    position = cases["degrees.tuned.catapult", "position"]
     properties = {p.attrib["name"]: p.attrib["value"] for p in position.iter("property")}
     assert float(properties["error"]) <= float(properties["tolerance"]) and properties["source"].startswith("default")
     written = json.loads((tmp_path / "r.json").read_text())
