@@ -102,6 +102,9 @@ _REST = """\
 - Names have no blanks or slashes; `tb.mjcf_names` gives them by the mechanism's own and by those of earlier files.
 - Variants: `tb.mjcf(..., sensors=False)` for older versions of MuJoCo; `finite_inertia=True` for importers that refuse
   or raise small inertias: mass moved across pins gives point masses one, with the same equations of motion.
+  `throw=True`: the
+  projectile is a body of its own, tied by the equality `hold_projectile`; `trebucheck.models.mjcf.throw.throw(model,
+  data)` steps to the release, lets it go, and steps until it lands.
 - MIT licence, see LICENSE; changes are in CHANGELOG.md."""
 
 

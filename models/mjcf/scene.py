@@ -40,6 +40,11 @@ def scene(mechanism: Mechanism, model: str, motion: RecordedMotion | None = None
     return as_text(_Scene(mechanism, motion).root(model))
 
 
+def ground_level(mechanism: Mechanism, motion: RecordedMotion | None) -> float:
+    """Height of the scene's ground [m]."""
+    return _Scene(mechanism, motion).ground
+
+
 @dataclass(frozen=True)
 class _Scene:
     mechanism: Mechanism

@@ -24,6 +24,8 @@ class Variant:
     """Sensors alone ask for MuJoCo 3.3."""
     finite_inertia: bool = False
     """Whether point masses on pins have an inertia, with the same equations of motion; forces in these pins differ."""
+    throw: bool = False
+    """Whether the projectile is a body of its own, tied by an equality that :func:`.throw.throw` switches off."""
 
 
 @dataclass(frozen=True)

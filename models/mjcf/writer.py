@@ -26,13 +26,14 @@ from ..kinematics import initial_state
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
 from ..stops import PointStop, Stop
-from .appearance import Appearance
+from .appearance import STONE, Appearance
 from .forces import Forces
 from .names import names_in, rename, valid_names
 from .points import Points, force_sensor, torque_sensor
 from .recorded import HOME, RecordedMotion
-from .scene import SCENE_FILE, scene
+from .scene import SCENE_FILE, ground_level, scene
 from .text import as_text, from_origin, number, numbers, spatial
+from .throw import Thrown
 from .tree import add_angle_tendon, hinge_weights, joint_values, slide_joints, start_angles
 from .variants import Variant, inertias
 
@@ -153,7 +154,10 @@ class _Writer:
 
     def __init__(self, mechanism: Mechanism, timestep: float, motion: RecordedMotion | None, variant: Variant) -> None:
         self.mechanism, self.motion, self.variant = mechanism, motion, variant
+        self.thrown = Thrown(mechanism, timestep) if variant.throw else None
         self.inertias = inertias(mechanism, variant)
+        if self.thrown:
+            self.thrown.take_from(self.inertias)
         self.timestep = timestep
         self.start, self.speeds = (values.tolist() for values in initial_state(mechanism))
         self.angle = start_angles(mechanism)
@@ -170,11 +174,13 @@ class _Writer:
         ET.SubElement(root, "compiler", angle="radian", autolimits="false")
         option = ET.SubElement(root, "option", timestep=number(self.timestep), integrator="RK4", tolerance="1e-30")
         option.set("gravity", spatial(self.mechanism.gravity_vector))
-        if not self.points.walls:
+        if not self.points.walls and not self.thrown:
             ET.SubElement(option, "flag", contact="disable")
         self._add_defaults(ET.SubElement(root, "default"))
         self._add_world(ET.SubElement(root, "worldbody"))
         self.points.add_constraints(root, self.timestep)
+        if self.thrown:
+            self.thrown.add_constraints(root)
         if self.on_tendon or self.points.turned or self.forces.needs_tendons:
             self._add_tendons(ET.SubElement(root, "tendon"))
         self.forces.add_actuators(root)
@@ -186,10 +192,14 @@ class _Writer:
     def _add_keyframes(self, keyframe: ET.Element) -> None:
         """The start, and the events of the recorded motion."""
         speeds = joint_values(self.mechanism, self.speeds)
+        if self.thrown:
+            speeds += self.thrown.speed(self.mechanism.start, tuple(self.speeds))
         ET.SubElement(keyframe, "key", name=HOME, qpos=numbers(*[0.0] * len(speeds)), qvel=numbers(*speeds))
         for key in self.motion.keyframes if self.motion else ():
             moved = [q - start for q, start in zip(key.q, self.start, strict=True)]
             places, speeds = (joint_values(self.mechanism, values) for values in (moved, key.u))
+            if self.thrown:
+                places, speeds = places + self.thrown.place(key.q), speeds + self.thrown.speed(key.q, key.u)
             ET.SubElement(
                 keyframe, "key", name=key.name, time=number(key.time), qpos=numbers(*places), qvel=numbers(*speeds)
             )
@@ -236,6 +246,9 @@ class _Writer:
         self._add_sites(world, GROUND, (0.0, 0.0))
         for body in self.mechanism.children(GROUND):
             self._add_body(world, body)
+        if self.thrown:
+            radius = round(0.028 * self.points.reach, 3)
+            self.thrown.add_body(world, radius, ground_level(self.mechanism, self.motion), STONE)
 
     def _add_body(self, parent: ET.Element, body: Body) -> None:
         joint = self.mechanism.joint_of(body.name)

@@ -15,6 +15,7 @@ from trebucheck.comparisons.data.files import content
 from trebucheck.models import mjcf as descriptions
 from trebucheck.models.machines.registry import models, parameters_type
 from trebucheck.models.mjcf.recorded import event_names, stored_motion
+from trebucheck.models.mjcf.throw import throw
 from trebucheck.models.mjcf.writer import POINT_INERTIA, mjcf
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
@@ -228,6 +229,40 @@ def test_finite_inertia_leaves_the_equations_of_motion(name: str) -> None:
     for (mass, acceleration), (other, others) in zip(*(dynamics(text, states) for text in texts), strict=True):
         assert other == pytest.approx(mass, rel=1e-12, abs=1e-12 * np.abs(mass).max())
         assert others == pytest.approx(acceleration, rel=1e-9, abs=1e-9 * np.abs(acceleration).max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["fixed", "rolling", "catapult"])
+def test_a_thrown_projectile_moves_as_in_the_model_and_lands(name: str) -> None:
+    models_ = [mujoco.MjModel.from_xml_string(tb.mjcf(name, timestep=2.5e-4, throw=throws)) for throws in (False, True)]
+    alone, thrown = (mujoco.MjData(model) for model in models_)
+    end = float(models_[1].key("launch").time[0])
+    for model, data in zip(models_, (alone, thrown), strict=True):
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    for _ in range(int(end / 2.5e-4) // 100):
+        for model, data in zip(models_, (alone, thrown), strict=True):
+            mujoco.mj_step(model, data, 100)
+            mujoco.mj_kinematics(model, data)
+        assert thrown.body("thrown_projectile").xpos == pytest.approx(alone.site("projectile").xpos, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_a_thrown_projectile_lands_where_its_parabola_ends() -> None:
+    model = mujoco.MjModel.from_xml_string(tb.mjcf("catapult", timestep=2.5e-4, throw=True))
+    thrown, end = mujoco.MjData(model), float(model.key("launch").time[0])
+    mujoco.mj_resetDataKeyframe(model, thrown, model.key("launch").id)
+    mujoco.mj_forward(model, thrown)
+    (x, _, z), (vx, _, vz) = thrown.body("thrown_projectile").xpos, thrown.body("thrown_projectile").cvel[3:]
+    level = float(model.geom("landing_ground").pos[2] + model.geom("thrown_projectile").size[0])
+    flight = (vz + np.sqrt(vz**2 + 2 * 9.81 * (z - level))) / 9.81
+    landed = throw(model, thrown, release_time=end)
+    assert landed == pytest.approx(x + vx * flight, abs=4 * abs(vx) * 2.5e-4)  # what a step or two moves it by
+    assert not thrown.eq_active[model.equality("hold_projectile").id]
+
+
+def test_what_throws_nothing_is_refused() -> None:
+    with pytest.raises(tb.UnsupportedProblemError, match="projectile"):
+        tb.mjcf("double-pendulum", keyframes=False, throw=True)
 
 
 def test_without_sensors_the_model_is_the_same() -> None:
