@@ -7,7 +7,7 @@ import importlib.util
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 
@@ -23,6 +23,7 @@ from ..models.errors import (
     UnsupportedProblemError,
 )
 from ..models.features import Basic, Feature, refuse_features
+from ..models.kinematics import immovable_stops, without_stops
 from ..models.mechanism import Mechanism
 from ..models.memory import available_memory
 from ..models.problem import Problem, StopLaw
@@ -206,7 +207,7 @@ class BuiltinEngine(EngineOptions, ABC):
         try:
             # Overflow on the way to a divergence is reported once, by the check of the result.
             with np.errstate(all="ignore"):
-                recording = self._run(problem)
+                recording = self._run_with_movable_stops(problem)
         except TrebucheckError:
             raise
         except Exception as error:
@@ -217,6 +218,18 @@ class BuiltinEngine(EngineOptions, ABC):
             mechanism=problem.mechanism,
             provenance=self._provenance(problem, recording, wall),
             **{key: value for key, value in vars(recording).items() if key != "steps"},
+        )
+
+    def _run_with_movable_stops(self, problem: Problem) -> Recording:
+        """Run without the stops whose gap nothing can change: an engine would find no unique force for them."""
+        idle = immovable_stops(problem.mechanism)
+        if not idle:
+            return self._run(problem)
+        recording = self._run(problem.model_copy(update={"mechanism": without_stops(problem.mechanism, idle)}))
+        return replace(
+            recording,
+            stop_torques={**recording.stop_torques} | dict.fromkeys(idle, np.zeros(len(recording.t))),
+            release_times={**recording.release_times} | dict.fromkeys(idle),
         )
 
     @property

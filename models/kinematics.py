@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from typing import cast
@@ -16,6 +17,8 @@ from .phasors import Phasors, PointCoefficients
 from .scalar_functions import AngleFunction, LineFunction, PointFunction, ScalarFunction
 from .spec import Vector, as_complex
 from .stops import PointStop
+
+_ROUNDING = 1e-12  # of the greatest derivatives of a gap: those of one that nothing changes
 
 
 @dataclass(frozen=True)
@@ -214,3 +217,26 @@ def initial_state(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
     """Coordinates q and speeds u at t = 0, each of shape (n_q,)."""
     q = np.array(mechanism.start, dtype=np.float64).T
     return q, np.array(mechanism.start_speeds, dtype=np.float64).T if mechanism.start_speeds else np.zeros_like(q)
+
+
+def immovable_stops(mechanism: Mechanism) -> tuple[str, ...]:
+    """Stops whose gap no coordinate changes: between bodies that are welded to each other, or across a rail.
+
+    They have no part in the motion.
+    """
+    if not mechanism.stops:
+        return ()
+    kinematics, random = Kinematics(mechanism), np.random.default_rng(2)
+    q = initial_state(mechanism)[0] + np.vstack([np.zeros(1), random.uniform(-1, 1, (2, 1))])
+
+    def moves(stop: str) -> bool:
+        rows = np.abs(kinematics.gap_jacobian(stop, q))
+        return bool((rows > _ROUNDING * kinematics.gaps[stop].amplitudes).any())
+
+    return tuple(stop.name for stop in mechanism.stops if not moves(stop.name))
+
+
+def without_stops(mechanism: Mechanism, names: Collection[str]) -> Mechanism:
+    """The same mechanism without some of its stops."""
+    left = tuple(stop for stop in mechanism.stops if stop.name not in names)
+    return mechanism.model_copy(update={"stops": left}) if names else mechanism

@@ -236,12 +236,12 @@ class Equations:
         """
         names = tuple(closed)
         functions = (*self.kinematics.loop_closures, *(self._gaps[name] for name in names))
-        if not functions:
+        rank = len(functions) if self.basis(q, names) is None else self._ranks[names]
+        if rank == 0:
             return np.full(q.shape[:-1], np.inf)
         rows = np.array([1.0 if isinstance(f, AngleFunction) else 1.0 / length for f in functions])
         columns = np.where(self.kinematics.is_angle > 0, 1.0, length)
         scaled = rows[:, None] * self.constraint_jacobian(q, names) * columns
-        rank = len(functions) if self.basis(q, names) is None else self._ranks[names]
         return np.asarray(np.linalg.svd(scaled, compute_uv=False)[..., rank - 1], dtype=np.float64)
 
     def note_rank(self, closed: Sequence[str], rank: int) -> None:

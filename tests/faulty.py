@@ -117,10 +117,23 @@ def run_with(fault: Fault, model: str, monkeypatch: pytest.MonkeyPatch) -> Run:
         inner = make(name, preset, **options)
         return Faulty(inner, **fault.parts) if fault.parts else inner
 
-    monkeypatch.setattr(comparing, "Runner", lambda mechanism, _, until, law: _runner(mechanism, until, law))
+    def runner(mechanism: tb.Mechanism, _: Worker, until: Until, law: tb.StopLaw) -> Runner:
+        if "machine" in fault.parts:
+            refuse_idle(fault.parts["machine"](mechanism) != mechanism, fault.name)
+        return _runner(mechanism, until, law)
+
+    monkeypatch.setattr(comparing, "Runner", runner)
     monkeypatch.setattr(registry, "engine", spoilt)  # with other options it is as faulty
     results = tb.compare([model], [fault.engine], ["tuned"], isolate=False, **(fault.options or {})).results
     return results.runs[0]
+
+
+def refuse_idle(changed: bool, what: str) -> None:
+    """Fail a test whose fault changes nothing: it looks for a name that has gone, say."""
+    if not changed:
+        pytest.fail(
+            f"the fault changes nothing: {what}"
+        )  # no Exception, which a comparison would take for the engine's
 
 
 def parameters(**changes: float) -> Callable[[tb.Mechanism], tb.Mechanism]:
@@ -205,7 +218,13 @@ def no_centrifugal(problem: tb.Problem) -> Solution:
 
 def never(stop: str) -> Callable[[tb.Problem], Solution]:
     """A law by which a stop never opens."""
-    return lambda problem: solve_scheduled(problem, {**solve(problem).release_times, stop: None})
+
+    def law(problem: tb.Problem) -> Solution:
+        right = solve(problem).release_times
+        refuse_idle(stop in right, f"{stop} never opens")
+        return solve_scheduled(problem, {**right, stop: None})
+
+    return law
 
 
 def released_as_if_alone(problem: tb.Problem) -> Solution:
@@ -229,7 +248,13 @@ def rounded_text(monkeypatch: pytest.MonkeyPatch, change: Callable[[str], str]) 
     from trebucheck.engines.mujoco import build as _mujoco_model
 
     right = _mujoco_model.mjcf
-    monkeypatch.setattr(_mujoco_model, "mjcf", lambda *arguments: change(right(*arguments)))
+
+    def spoilt(*arguments: Any) -> str:
+        text = right(*arguments)
+        refuse_idle((wrong := change(text)) != text, f"{change.__name__} of {len(text)} characters of MJCF")
+        return wrong
+
+    monkeypatch.setattr(_mujoco_model, "mjcf", spoilt)
 
 
 def six_digits(text: str) -> str:

@@ -38,6 +38,9 @@ _ENOUGH = 1e-11  # a tenth of the tolerance to which models are compared; roundi
 
 MOST_PASSES = 20_000  # in a step of loops that need more than the option says
 _ROUNDING = 1e-12  # of the reach: error of impulses where there are none
+_MOST_START_PASSES = 200_000  # in one of the rounds, twice as many as before each
+_STARTED = 1e-9  # of the increment at the start: change in a round
+_LAST_BITS = 1e-15  # of the reach: rounding error of a position, which a joint undoes in the step
 _TRACKED = 1e-3  # of the change in a step: error of the impulses that is let be
 
 
@@ -55,7 +58,7 @@ class Stepper:
         self._initial: Row = []
         self._half: Row = []
         self._initial_rates = np.zeros(0)
-        self._moves = False
+        self._moves = self._settles = False
         self._space = assembly.space
         self._buffer: Any = pymunk.batch.Buffer()
         self._offsets = self._body_offsets()
@@ -69,9 +72,16 @@ class Stepper:
         self._corrected = rods if hold_lengths else []
         self._sliding = [rod for rod in rods if isinstance(rod, SlidingRod)]
 
-    def start(self, iterations: int, leapfrog: bool) -> None:
-        """Make `rows[0]`; in a leapfrog, with the velocities of half a step later."""
-        self.leapfrog, self._initial = leapfrog, self._read()
+    def start(self, iterations: int, leapfrog: bool, settle: bool = False) -> None:
+        """Make `rows[0]`; in a leapfrog, with the velocities of half a step later.
+
+        Args:
+            iterations: passes of the impulse solver.
+            leapfrog: whether velocities are half a step ahead.
+            settle: whether a leapfrog's start has as many passes as its impulses need to converge. It has none to
+                start from, so passes that follow their changes from step to step may find a part of them only.
+        """
+        self.leapfrog, self._settles, self._initial = leapfrog, settle, self._read()
         self._initial_rates = self.assembly.rates
         self._moves = leapfrog and self._holds_lengths and bool(np.any(self._initial_rates))
         if leapfrog:
@@ -187,8 +197,18 @@ class Stepper:
 
     def _keep_half(self, iterations: int) -> None:
         before = self._initial_rates
-        _step_to(self.assembly, _places(self.assembly), before, self.h, iterations)
-        self.assembly.rates = (self.assembly.rates + before) / 2
+        places, h = _places(self.assembly), self.h
+        _step_to(self.assembly, places, before, h, iterations)
+        increment, passes = self.assembly.rates - before, iterations
+        rounding = _LAST_BITS * max(abs(complex(*position)) for position, _ in places) / h
+        while self._settles and passes <= _MOST_START_PASSES:
+            # The step is repeated from the same state, and starts with the impulses found so far.
+            _step_to(self.assembly, places, before, h, passes)
+            last, increment = increment, self.assembly.rates - before
+            if np.abs(increment - last).max() <= max(_STARTED * np.abs(increment).max(), rounding):
+                break
+            passes *= 2
+        self.assembly.rates = before + increment / 2
 
     def _meet_lengths(self, iterations: int) -> None:
         """Add to the velocities of the first step what makes it end at the rods' lengths.

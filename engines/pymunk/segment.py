@@ -36,7 +36,7 @@ def _violated(mechanism: Mechanism, active: Contacts, touching: Contacts, h: flo
     """A touching stop that would have to pull, or that would close, by the forces of a first step."""
     assembly = build(mechanism, active, 0.0, pivot_mass)
     stepper = Stepper(assembly, h, hold_lengths=True)
-    stepper.start(_TRIAL_ITERATIONS, leapfrog=True)
+    stepper.start(_TRIAL_ITERATIONS, leapfrog=True, settle=bool(mechanism.loop_joints))
     reading = Reading(assembly, stepper.samples(0))
     torques = {name: float(torque[0]) for name, torque in forces_of(reading, tuple(assembly.stops)).torques.items()}
     least = -_ROUNDING * max(map(abs, torques.values()), default=0.0)
@@ -86,7 +86,7 @@ class Segment:
         """The first sample, and without the leapfrog the first step."""
         stepper = self.stepper
         passes = self._passes(*initial_state(self.assembly.mechanism))
-        stepper.start(max(self.options.start_iterations, passes), self.options.leapfrog)
+        stepper.start(max(self.options.start_iterations, passes), self.options.leapfrog, settle=self._checks_loops)
         if not self.options.leapfrog:
             # The first step has no impulses to start from; a leapfrog has found them at the start.
             stepper.run(1, self.options.start_iterations)
