@@ -1,0 +1,69 @@
+"""Box2D against the reference, its measured order and the floor of its precision."""
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from trebucheck.models.problems.registry import benchmark
+from trebucheck.reference.solver import solve
+
+FREE_SWING = tb.Problem(tb.fixed().model_copy(update={"stops": ()}), duration=2.0)
+
+
+def _error(step: float) -> float:
+    """Greatest distance of a marker from where it should be [m]."""
+    found = tb.engine("box2d", "tuned", timestep=step).simulate(FREE_SWING)
+    truth = solve(FREE_SWING).trajectory(found.t)
+    return max(float(np.abs(m.position - truth.markers[name].position).max()) for name, m in found.markers.items())
+
+
+def test_it_is_of_first_order() -> None:
+    assert np.log2(_error(8e-3) / _error(4e-3)) == pytest.approx(1.0, abs=0.3)
+
+
+@pytest.mark.parametrize("model", ["fixed", "rolling"])
+def test_it_agrees_with_stops(model: str) -> None:
+    problem = tb.Problem(tb.model(model), duration=1.3)
+    found = tb.engine("box2d").simulate(problem)
+    truth = solve(problem).trajectory(found.t)
+    # First order, 1e-2 m at this step, and a least inertia of 1e-3 on 20 m of way.
+    for name, motion in found.markers.items():
+        assert np.abs(motion.position - truth.markers[name].position).max() < 3e-2
+    for name, time in truth.release_times.items():
+        assert (found.release_times[name] is None) == (time is None)
+        # Two steps by the scheme and its end, and three in which the torque falls through what rounding leaves of it.
+        assert time is None or abs(found.release_times[name] - time) < 5e-3
+        # A step's change of speed in single precision, 1e3 times by the matrix of pin and limit.
+        assert (
+            np.abs(found.stop_torques[name] - truth.stop_torques[name]).max() <= 2e-2 * truth.stop_torques[name].max()
+        )
+
+
+def test_limits_where_the_stops_are_let_go_at_once() -> None:
+    """A limit is active only where the angle is not short of it, which rounding decides."""
+    problem = tb.Problem(tb.fixed(), duration=0.3)
+    assert tb.engine("box2d").simulate(problem).release_times["sling rest"] is None
+    assert tb.engine("box2d", set_back=0.0).simulate(problem).release_times["sling rest"] is not None
+
+
+def test_reactions_are_forces_on_the_child() -> None:
+    problem = tb.Problem(tb.rolling(), duration=0.7)
+    found = tb.engine("box2d").simulate(problem)
+    truth = solve(problem).trajectory(found.t).joint_reactions
+    for name, force in found.joint_reactions.items():
+        assert np.abs(force - truth[name]).max() < 0.02 * np.abs(truth[name]).max()
+
+
+@pytest.mark.parametrize("name", ["slider-crank", "quick-return", "oscillator", "motor", "thrown-plate", "welded-rods"])
+def test_it_builds_every_element(name: str) -> None:
+    problem = benchmark(name).problem().model_copy(update={"duration": 0.5})
+    found = tb.engine("box2d", timestep=1e-3).simulate(problem)
+    truth = solve(problem).trajectory(found.t)
+    for marker, motion in found.markers.items():
+        size = max(1.0, float(np.abs(truth.markers[marker].position).max()))
+        assert np.abs(motion.position - truth.markers[marker].position).max() < 2e-2 * size
+    assert all(gap.max() < 1e-3 for gap in found.joint_gaps.values())
+
+
+def test_rebounds_and_stops_on_points_are_refused() -> None:
+    with pytest.raises(tb.UnsupportedProblemError, match="restitution"):
+        tb.engine("box2d").simulate(benchmark("bouncing").problem())

@@ -1,0 +1,1 @@
+"""Box2D as an engine of trebucheck."""

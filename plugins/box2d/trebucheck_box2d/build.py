@@ -1,0 +1,112 @@
+"""The Box2D world of a mechanism: rigid bodies about their centres of mass, and joints between them.
+
+Box2D's angles are anticlockwise, and all its numbers are of single precision.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+import Box2D
+import numpy as np
+from trebucheck.models.arrays import FloatArray
+from trebucheck.models.errors import UnsupportedProblemError
+from trebucheck.models.joints import GROUND, AnyJoint, FreeJoint, PinJoint, WeldJoint
+from trebucheck.models.kinematics import Kinematics, initial_state
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.stops import Stop
+
+Vector = tuple[float, float]
+_WIDE = 1e6  # [rad] a limit that is never met
+
+
+class Built:
+    """A mechanism's world."""
+
+    def __init__(self, mechanism: Mechanism, least: float, least_limited: float, closed: Collection[str]) -> None:
+        """Build the world.
+
+        Args:
+            mechanism: what is built.
+            least: least inertia of a body, as a part of m d^2, d the greatest distance of a joint from its centre.
+            least_limited: the same of a body whose joint has a limit.
+            closed: names of the stops that are limits.
+        """
+        self.mechanism, self.least, self.least_limited = mechanism, least, least_limited
+        self.in_limits = {body for name in closed for body in mechanism.stop(name).bodies}
+        self.world: Any = Box2D.b2World(gravity=mechanism.gravity_vector, doSleep=False)
+        self.ground: Any = self.world.CreateStaticBody(position=(0.0, 0.0))
+        self.bodies: dict[str, Any] = {GROUND: self.ground}
+        self.centres: dict[str, Vector] = {GROUND: (0.0, 0.0)} | {b.name: b.centre for b in mechanism.bodies}
+        self._add_bodies()
+        self.joints = {joint.name: self._joint(joint) for joint in mechanism.joints if not isinstance(joint, FreeJoint)}
+
+    def anchor(self, body: str, point: Vector) -> Vector:
+        """A point of a body in Box2D's frame, which lies at the centre of mass."""
+        centre = self.centres[body]
+        return point[0] - centre[0], point[1] - centre[1]
+
+    def limited(self, stop: Any) -> tuple[Any, int]:
+        """The revolute joint of a stop, and the sense, anticlockwise, in which the stop turns its second body.
+
+        Raises:
+            UnsupportedProblemError: there is none.
+        """
+        pair = {stop.body, stop.relative_to}
+        for joint in self.mechanism.joints:
+            if isinstance(stop, Stop) and isinstance(joint, PinJoint) and {joint.parent, joint.child} == pair:
+                return self.joints[joint.name], -stop.sense if stop.body == joint.child else stop.sense
+        raise UnsupportedProblemError(f"box2d has limits on revolute joints alone, and stop {stop.name!r} is on none.")
+
+    def _add_bodies(self) -> None:
+        mechanism, kinematics = self.mechanism, Kinematics(self.mechanism)
+        q, u = initial_state(mechanism)
+        for body in mechanism.bodies:
+            row, angle = kinematics.point(body.name, body.centre), kinematics.angle(body.name)
+            made = self.world.CreateDynamicBody(
+                position=kinematics.position(row, q).tolist(),
+                angle=-float(angle.value(q)),
+                linearVelocity=kinematics.velocity(row, q, u).tolist(),
+                angularVelocity=-float(angle.coefficients @ u),
+                linearDamping=0.0,
+                angularDamping=0.0,
+                allowSleep=False,
+            )
+            made.massData = Box2D.b2MassData(mass=body.mass, center=(0.0, 0.0), I=self._inertia(body))
+            self.bodies[body.name] = made
+
+    def _inertia(self, body: Any) -> float:
+        """Not below the least: Box2D takes a body without inertia for one that never turns."""
+        points = [self.anchor(body.name, point) for point in self._points(body.name)]
+        farthest = max((float(np.hypot(*point)) for point in points), default=1.0) or 1.0
+        least = self.least_limited if body.name in self.in_limits else self.least
+        return max(body.inertia, least * body.mass * farthest**2)
+
+    def _points(self, name: str) -> list[Vector]:
+        joints = self.mechanism.joints
+        found = [joint.child_point for joint in joints if joint.child == name]
+        return found + [joint.parent_point for joint in joints if joint.parent == name]
+
+    def _joint(self, joint: AnyJoint) -> Any:
+        first, second = self.bodies[joint.parent], self.bodies[joint.child]
+        ends: dict[str, Any] = {
+            "bodyA": first,
+            "bodyB": second,
+            "localAnchorA": self.anchor(joint.parent, joint.parent_point),
+            "localAnchorB": self.anchor(joint.child, joint.child_point),
+        }
+        turned = -(joint.turned_by or 0.0)
+        if isinstance(joint, PinJoint):
+            return self.world.CreateRevoluteJoint(**ends, referenceAngle=0.0, lowerAngle=-_WIDE, upperAngle=_WIDE)
+        if isinstance(joint, WeldJoint):
+            return self.world.CreateWeldJoint(**ends, referenceAngle=turned)
+        if joint.holds_angle:
+            return self.world.CreatePrismaticJoint(**ends, localAxisA=joint.axis, referenceAngle=turned)
+        # A wheel joint slides along its axis and turns; without a frequency it has no spring.
+        return self.world.CreateWheelJoint(**ends, localAxisA=joint.axis, frequencyHz=0.0, dampingRatio=0.0)
+
+
+def turned(angle: float) -> FloatArray:
+    """Rotation by an angle, anticlockwise [rad]."""
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])

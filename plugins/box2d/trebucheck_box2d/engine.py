@@ -1,0 +1,75 @@
+"""Box2D 2.3: bodies in Cartesian coordinates, joints and limits by sequential impulses, single precision."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, ClassVar
+
+from pydantic import Field
+from trebucheck.engines.plain_run import plain_run
+from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
+from trebucheck.engines.study import EngineStudy
+from trebucheck.models.features import Feature
+from trebucheck.models.problem import Problem, StopLaw
+from trebucheck.models.spec import NonNegative, Positive
+
+from .study import STUDY
+
+
+class Box2DEngine(BuiltinEngine):
+    """Box2D's world; the defaults are the tuned preset: many iterations a step, closed stops held by a margin.
+
+    The stock preset has the iterations that Box2D's manual suggests, and limits where the stops are.
+
+    Raises:
+        InputError: an option is unknown or outside its range.
+    """
+
+    name: ClassVar[str] = "box2d"
+    package: ClassVar[str] = "box2d"
+    module: ClassVar[str | None] = "Box2D"
+    tables: ClassVar[EngineStudy] = STUDY
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        joint_reactions=True,
+        joint_gaps=True,
+        located_releases=False,
+        stop_laws=frozenset(StopLaw),
+        formulation="Cartesian coordinates in single precision, joints and limits by sequential impulses, "
+        "semi-implicit Euler",
+        features=frozenset(Feature),
+    )
+    stock_options: ClassVar[Mapping[str, object]] = {
+        "velocity_iterations": 8, "position_iterations": 3, "set_back": 0.0,
+    }  # fmt: skip
+
+    velocity_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
+        default=100, description="of the impulses of the joints, each step"
+    )
+    position_iterations: Annotated[int, Field(ge=0, le=1_000_000)] = Field(
+        default=100, description="of the correction of the joints' drift, each step"
+    )
+    set_back: NonNegative = Field(
+        default=1e-3, le=0.03,
+        description="by how much limits lie beyond the stops [rad]: Box2D tolerates up to 2 degrees, and a limit is "
+        "active only where the angle is not short of it by rounding",
+    )  # fmt: skip
+    least_inertia: Positive = Field(
+        default=1e-5, le=1.0,
+        description="of a body about its centre of mass, as a part of m d^2, d its greatest distance from a joint",
+    )  # fmt: skip
+    least_limited_inertia: Positive = Field(
+        default=1e-3, le=1.0,
+        description="the same of a body whose joint has a limit: Box2D solves pin and limit by one matrix of single "
+        "precision, which a small inertia makes singular",
+    )  # fmt: skip
+
+    @property
+    def resolves_impacts(self) -> bool:
+        """Whether it follows the restitution of a stop: Box2D's joint limits have none."""
+        return False
+
+    def _run(self, problem: Problem) -> Recording:
+        from .motion import Motion
+
+        motion = Motion(problem, self)
+        return plain_run(problem, motion, self.name, self.timestep)

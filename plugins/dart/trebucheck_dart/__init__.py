@@ -1,0 +1,1 @@
+"""DART as an engine of trebucheck."""

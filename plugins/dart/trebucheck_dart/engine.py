@@ -1,0 +1,71 @@
+"""DART: skeletons by their own steps and joint limits, or by their dynamics in a scheme of one's own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, Literal
+
+from pydantic import Field
+from trebucheck.engines.event_driver import EventDriver
+from trebucheck.engines.inspection import Inspection, State
+from trebucheck.engines.joint_tree import LimitedMotion, TreeMotion
+from trebucheck.engines.plain_run import plain_run
+from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
+from trebucheck.engines.study import EngineStudy
+from trebucheck.models.features import Feature
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.problem import Problem, StopLaw
+
+from .study import STUDY
+
+
+class DartEngine(BuiltinEngine):
+    """A skeleton of DART's; the defaults are the tuned preset.
+
+    Tuned, its mass matrix and its Coriolis and gravity forces are moved by RK4, stops and joints that close loops are
+    constraint multipliers on them, and events are located by trebucheck's driver.
+
+    The stock preset is `World.step` with DART's joint limits, every other setting DART's default.
+
+    Raises:
+        InputError: an option is unknown or outside its range.
+    """
+
+    name: ClassVar[str] = "dart"
+    package: ClassVar[str] = "dartpy"
+    tables: ClassVar[EngineStudy] = STUDY
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        joint_reactions=True,
+        joint_gaps=False,
+        located_releases=True,
+        stop_laws=frozenset(StopLaw),
+        formulation="minimal relative joints; its dynamics in RK4, stops and loops by multipliers "
+        "(stock: semi-implicit Euler, joint limits as velocity constraints)",
+        features=frozenset(Feature),
+    )
+    stock_options: ClassVar[Mapping[str, object]] = {"mode": "step"}
+
+    mode: Literal["dynamics", "step"] = Field(
+        default="dynamics", description="DART's dynamics in RK4, or its own `World.step` with joint limits"
+    )
+
+    @property
+    def resolves_impacts(self) -> bool:
+        """Whether it follows the restitution of a stop: DART's joint limits have none."""
+        return self.mode == "dynamics"
+
+    def _run(self, problem: Problem) -> Recording:
+        from .tree import DartTree
+
+        if self.mode == "step":
+            tree = DartTree(problem.mechanism, self.timestep)
+            motion = LimitedMotion(problem, tree, self.timestep, "dart's own step")
+            return plain_run(problem, motion, self.name, self.timestep)
+        return EventDriver(problem, TreeMotion(DartTree(problem.mechanism)), self.name, self.timestep).run()
+
+    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
+        """The built model's mass matrix, forces and accelerations in each state."""
+        self.refuse_absence()
+        from .tree import DartTree
+
+        return TreeMotion(DartTree(mechanism)).inspect(states)

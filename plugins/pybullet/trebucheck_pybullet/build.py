@@ -1,0 +1,130 @@
+"""The Bullet multibody of a mechanism: a URDF tree in the x-y plane, turning about -z, which is clockwise.
+
+Bullet's joints have one coordinate each: a slide is a prismatic joint onto a link without mass, which a revolute joint
+follows. `changeDynamics` does not set the inertia of a link that `createMultiBody` made; that of a URDF is taken.
+"""
+
+from __future__ import annotations
+
+import cmath
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pybullet
+from pybullet_utils.bullet_client import BulletClient
+from trebucheck.models.joints import GROUND, AnyJoint
+from trebucheck.models.mechanism import Body, Mechanism
+
+_CLOCKWISE = "0 0 -1"
+_UNLIMITED = "1e300"
+NO_LIMIT = 1e30
+
+
+@dataclass(frozen=True)
+class Links:
+    """A multibody in a client of its own, by the index of its links."""
+
+    client: BulletClient
+    body: int
+    carriers: dict[str, int]
+    """Link of each body of the mechanism, whose frame lies at its joint's `child_point`."""
+    moving: list[int]
+    """Links whose joints move, in their order."""
+
+
+def build(mechanism: Mechanism, order: list[tuple[Body, AnyJoint]], opened: bool = False) -> Links:
+    """Build a multibody in a client of its own.
+
+    Args:
+        mechanism: what is built.
+        order: its bodies with their joints, parents first.
+        opened: each body on two prismatic joints along its parent's x and y and a revolute one, whatever its joint
+            holds: the joint forces of such a tree's inverse dynamics are the reactions.
+    """
+    root = ET.Element("robot", name="mechanism")
+    _add_link(root, GROUND, 0.0, 0.0, (0.0, 0.0))
+    for body, joint in order:
+        _add_body(root, body, joint, list(_joints(body, joint, opened)), mechanism)
+    client = BulletClient(pybullet.DIRECT)
+    client.setGravity(*mechanism.gravity_vector, 0.0)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "mechanism.urdf"
+        ET.ElementTree(root).write(path)
+        flags = pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_MAINTAIN_LINK_ORDER
+        multibody = client.loadURDF(str(path), useFixedBase=True, flags=flags)
+    found = Links(client, multibody, {}, [])
+    names = {body.name for body in mechanism.bodies}
+    for link in range(client.getNumJoints(multibody)):
+        info = client.getJointInfo(multibody, link)
+        if (name := info[12].decode()) in names:
+            found.carriers[name] = link
+        if info[2] != pybullet.JOINT_FIXED:
+            found.moving.append(link)
+            client.setJointMotorControl2(multibody, link, pybullet.VELOCITY_CONTROL, force=0)  # on at the start
+    for link in range(-1, client.getNumJoints(multibody)):
+        client.changeDynamics(
+            multibody, link, linearDamping=0, angularDamping=0, jointDamping=0, maxJointVelocity=NO_LIMIT
+        )
+    return found
+
+
+def _joints(body: Body, joint: AnyJoint, opened: bool) -> Iterator[tuple[str, str]]:
+    """Kinds and axes of Bullet's joints for one of the mechanism's."""
+    directions = (1.0, 1j) if opened else joint.free_directions
+    for direction in directions:
+        # The axis is in the joint's frame, which may be turned from the parent's.
+        axis = direction * cmath.exp(1j * (joint.turned_by or 0.0))
+        yield "prismatic", f"{axis.real!r} {axis.imag!r} 0"
+    if opened or body.angle is not None:
+        yield "continuous", _CLOCKWISE
+    elif not directions:
+        yield "fixed", _CLOCKWISE
+
+
+def _add_body(
+    root: ET.Element, body: Body, joint: AnyJoint, joints: list[tuple[str, str]], mechanism: Mechanism
+) -> None:
+    parent, at = joint.parent, _origin(joint, mechanism)
+    for k, (kind, axis) in enumerate(joints):
+        last = k == len(joints) - 1
+        child = body.name if last else f"{body.name} on {k}"
+        _add_joint(root, f"{joint.name} {k}", kind, axis, parent, child, at)
+        parent, at = child, ("0 0 0", "0 0 0")
+        if not last:
+            _add_link(root, child, 0.0, 0.0, (0.0, 0.0))
+    # The link's frame is where its joint is, at `child_point`.
+    centre = (body.centre[0] - joint.child_point[0], body.centre[1] - joint.child_point[1])
+    _add_link(root, body.name, body.mass, body.inertia, centre)
+
+
+def _origin(joint: AnyJoint, mechanism: Mechanism) -> tuple[str, str]:
+    """Place and turn of a joint in its parent's link, whose frame lies at the parent's own `child_point`."""
+    x, y = joint.parent_point
+    if joint.parent != GROUND:
+        own = mechanism.joint_of(joint.parent).child_point
+        x, y = x - own[0], y - own[1]
+    return f"{x!r} {y!r} 0", f"0 0 {-(joint.turned_by or 0.0)!r}"
+
+
+def _add_link(root: ET.Element, name: str, mass: float, inertia: float, centre: tuple[float, float]) -> None:
+    inertial = ET.SubElement(ET.SubElement(root, "link", name=name), "inertial")
+    ET.SubElement(inertial, "origin", xyz=f"{centre[0]!r} {centre[1]!r} 0")
+    ET.SubElement(inertial, "mass", value=repr(mass))
+    # Of a flat body the inertias in its plane are half of that about its normal.
+    diagonal = {"ixx": 0.5 * inertia, "iyy": 0.5 * inertia, "izz": inertia}
+    ET.SubElement(
+        inertial, "inertia", {k: repr(v) for k, v in diagonal.items()} | dict.fromkeys(("ixy", "ixz", "iyz"), "0")
+    )
+
+
+def _add_joint(root: ET.Element, name: str, kind: str, axis: str, parent: str, child: str, at: tuple[str, str]) -> None:
+    made = ET.SubElement(root, "joint", name=name, type=kind)
+    ET.SubElement(made, "parent", link=parent)
+    ET.SubElement(made, "child", link=child)
+    ET.SubElement(made, "origin", xyz=at[0], rpy=at[1])
+    ET.SubElement(made, "axis", xyz=axis)
+    # lower > upper: no limits
+    ET.SubElement(made, "limit", lower="1", upper="-1", effort="0", velocity=_UNLIMITED)

@@ -1,0 +1,79 @@
+"""PyBullet: Bullet's multibodies, by its own steps and joint limits, or by its dynamics in a scheme of one's own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+from trebucheck.engines.event_driver import EventDriver
+from trebucheck.engines.inspection import Inspection, State
+from trebucheck.engines.joint_tree import LimitedMotion, TreeMotion
+from trebucheck.engines.plain_run import plain_run
+from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
+from trebucheck.engines.study import EngineStudy
+from trebucheck.models.features import Feature
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.problem import Problem, StopLaw
+from trebucheck.models.spec import NonNegative
+
+from .study import STUDY
+
+
+class PyBulletEngine(BuiltinEngine):
+    """Bullet's multibody; the defaults are the tuned preset.
+
+    Tuned, its `calculateMassMatrix` and `calculateInverseDynamics` are moved by RK4, stops and joints that close loops
+    are constraint multipliers on them, and events are located by trebucheck's driver.
+
+    The stock preset is `stepSimulation` with Bullet's joint limits, every other setting Bullet's default.
+
+    Raises:
+        InputError: an option is unknown or outside its range.
+    """
+
+    name: ClassVar[str] = "pybullet"
+    package: ClassVar[str] = "pybullet"
+    tables: ClassVar[EngineStudy] = STUDY
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        joint_reactions=True,
+        joint_gaps=False,
+        located_releases=True,
+        stop_laws=frozenset(StopLaw),
+        formulation="minimal relative joints; inverse dynamics in RK4, stops and loops by multipliers "
+        "(stock: semi-implicit Euler, joint limits as velocity constraints solved by iteration)",
+        features=frozenset(Feature),
+    )
+    stock_options: ClassVar[Mapping[str, object]] = {"mode": "step"}
+
+    mode: Literal["dynamics", "step"] = Field(
+        default="dynamics", description="Bullet's dynamics in RK4, or its own `stepSimulation` with joint limits"
+    )
+    solver_iterations: Annotated[int, Field(ge=1, le=100_000)] = Field(
+        default=50, description="most iterations of the solver of the joint limits in a step"
+    )
+    solver_threshold: NonNegative = Field(
+        default=1e-7, description="change of an iteration below which the solver of the joint limits ends"
+    )
+
+    @property
+    def resolves_impacts(self) -> bool:
+        """Whether it follows the restitution of a stop: Bullet's joint limits have none."""
+        return self.mode == "dynamics"
+
+    def _run(self, problem: Problem) -> Recording:
+        from .tree import BulletTree
+
+        if self.mode == "step":
+            solver = {"numSolverIterations": self.solver_iterations, "solverResidualThreshold": self.solver_threshold}
+            tree = BulletTree(problem.mechanism, self.timestep, solver)
+            motion = LimitedMotion(problem, tree, self.timestep, "pybullet's own step")
+            return plain_run(problem, motion, self.name, self.timestep)
+        return EventDriver(problem, TreeMotion(BulletTree(problem.mechanism)), self.name, self.timestep).run()
+
+    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
+        """The built model's mass matrix, forces and accelerations in each state."""
+        self.refuse_absence()
+        from .tree import BulletTree
+
+        return TreeMotion(BulletTree(mechanism)).inspect(states)
