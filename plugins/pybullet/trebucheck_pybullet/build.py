@@ -9,12 +9,14 @@ from __future__ import annotations
 import cmath
 import tempfile
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import pybullet
-from pybullet_utils.bullet_client import BulletClient
 from trebucheck.models.joints import GROUND, AnyJoint
 from trebucheck.models.mechanism import Body, Mechanism
 
@@ -23,11 +25,25 @@ _UNLIMITED = "1e300"
 NO_LIMIT = 1e30
 
 
+class Client:
+    """A physics client of its own; `pybullet_utils.bullet_client` writes a line to the standard output for each."""
+
+    def __init__(self) -> None:
+        self._id = pybullet.connect(pybullet.DIRECT)
+
+    def __getattr__(self, name: str) -> Any:
+        return partial(getattr(pybullet, name), physicsClientId=self._id)
+
+    def __del__(self) -> None:
+        with suppress(pybullet.error, TypeError):  # when Python ends, it may be gone before
+            pybullet.disconnect(self._id)
+
+
 @dataclass(frozen=True)
 class Links:
     """A multibody in a client of its own, by the index of its links."""
 
-    client: BulletClient
+    client: Client
     body: int
     carriers: dict[str, int]
     """Link of each body of the mechanism, whose frame lies at its joint's `child_point`."""
@@ -48,7 +64,7 @@ def build(mechanism: Mechanism, order: list[tuple[Body, AnyJoint]], opened: bool
     _add_link(root, GROUND, 0.0, 0.0, (0.0, 0.0))
     for body, joint in order:
         _add_body(root, body, joint, list(_joints(body, joint, opened)), mechanism)
-    client = BulletClient(pybullet.DIRECT)
+    client = Client()
     client.setGravity(*mechanism.gravity_vector, 0.0)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "mechanism.urdf"
