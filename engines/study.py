@@ -160,6 +160,19 @@ def geometric(coarse: float, fine: float, n: int) -> tuple[float, ...]:
     return tuple(float(value) for value in np.geomspace(coarse, fine, n))
 
 
+SCHEME_NAMES = (
+    "RK4, joint coordinates",
+    "error-controlled Runge-Kutta, joint coordinates",
+    "trapezoidal rule, index 2",
+    "generalised alpha, index 3",
+    "leapfrog, impulses",
+    "semi-implicit Euler, joint coordinates",
+    "semi-implicit Euler, impulses",
+)
+"""Schemes by which engines are grouped: the rule of a step, and what it is applied to (joint coordinates, the equations
+of bodies with constraints of an index, or impulses between bodies)."""
+
+
 @dataclass(frozen=True)
 class StepOrder:
     """With what power of the time step an engine's error is expected to fall."""
@@ -167,6 +180,8 @@ class StepOrder:
     order: float | None
     """None: with no power."""
     reason: str
+    scheme: str = ""
+    """Name of the scheme, the same for all engines that integrate by it: :data:`SCHEME_NAMES` where one fits."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ from itertools import combinations
 import numpy as np
 
 from ...engines.protocol import Engine
-from ...engines.registry import engine_class
+from ...engines.registry import engine_class, engine_study
+from ...engines.study import StepOrder
 from ...models.errors import SimulationError, UnwritableError
 from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
@@ -247,8 +248,9 @@ def machine_row(runner: Runner, needs: Needs) -> Machine:
 
 def _row(case: Case, engine: Engine, outcome: Outcome) -> Run:
     version = engine_class(case.engine).version()
+    declared = engine_study(case.engine).step_orders.get(case.preset, StepOrder(None, ""))
     return Run(model=case.model, engine=case.engine, preset=case.preset, engine_version=version,
-               settings=engine.settings, outcome=outcome)  # fmt: skip
+               scheme=declared.scheme, order=declared.order, settings=engine.settings, outcome=outcome)  # fmt: skip
 
 
 def _unequal(equality: Equality) -> str:

@@ -189,6 +189,14 @@ class Run(Spec):
     outcome: Outcome
     message: str | None = Field(default=None, description="why it failed")
     engine_version: str
+    scheme: str = Field(
+        default="", exclude_if=lambda value: value == "", description="by which it integrates, as its study names it"
+    )
+    order: Real | None = Field(
+        default=None,
+        exclude_if=lambda value: value is None,
+        description="power of the time step with which its error falls, as its study declares it",
+    )
     settings: dict[str, JsonValue] = Field(default_factory=dict)
     steps: Annotated[int, Field(ge=0)] = 0
     wall_time: Real | None = Field(default=None, description="of the whole simulate, first call warm [s]")

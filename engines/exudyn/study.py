@@ -115,8 +115,12 @@ STUDY = EngineStudy(
     causes=_causes,
     swept_parameters=_SWEPT,
     step_orders={
-        "tuned": StepOrder(2.0, "trapezoidal rule, index 2"),
-        "stock": StepOrder(2.0, "generalised alpha is of second order in positions; its releases are at a step's end"),
+        "tuned": StepOrder(2.0, "trapezoidal rule, index 2", "trapezoidal rule, index 2"),
+        "stock": StepOrder(
+            2.0,
+            "generalised alpha is of second order in positions; its releases are at a step's end",
+            "generalised alpha, index 3",
+        ),
     },
     refinements=_REFINEMENTS,
     option_sets=_OPTION_SETS,

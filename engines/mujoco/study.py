@@ -217,9 +217,15 @@ STUDY = EngineStudy(
     swept_parameters=_SWEPT,
     step_orders={
         "tuned": StepOrder(
-            2.0, "releases are located, and the limits' softness is scaled with the step: tc = h, error ~ tc^2"
+            2.0,
+            "releases are located, and the limits' softness is scaled with the step: tc = h, error ~ tc^2",
+            "RK4, joint coordinates",
         ),
-        "stock": StepOrder(None, "the limits' softness is fixed: it does not fall with the step"),
+        "stock": StepOrder(
+            None,
+            "the limits' softness is fixed: it does not fall with the step",
+            "RK4, joint coordinates",
+        ),
     },
     refinements=_REFINEMENTS,
     option_sets=_OPTION_SETS,

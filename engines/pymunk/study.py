@@ -127,9 +127,11 @@ STUDY = EngineStudy(
     causes=_causes,
     swept_parameters=_SWEPT,
     step_orders={
-        "tuned": StepOrder(2.0, "leapfrog read at its own times"),
+        "tuned": StepOrder(2.0, "leapfrog read at its own times", "leapfrog, impulses"),
         "stock": StepOrder(
-            1.0, "positions and speeds half a step apart, joints corrected at a rate that is not the step's"
+            1.0,
+            "positions and speeds half a step apart, joints corrected at a rate that is not the step's",
+            "semi-implicit Euler, impulses",
         ),
     },
     refinements=_REFINEMENTS,

@@ -31,8 +31,16 @@ _NEED = "error-controlled Runge-Kutta of order 5, at most 1 ms a step, an accura
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={
-        "tuned": StepOrder(None, "error-controlled RK5 (Dormand-Prince): the step is only an upper bound"),
-        "stock": StepOrder(1.0, "semi-implicit Euler in joint coordinates, limits as compliant constraints"),
+        "tuned": StepOrder(
+            None,
+            "error-controlled RK5 (Dormand-Prince): the step is only an upper bound",
+            "error-controlled Runge-Kutta, joint coordinates",
+        ),
+        "stock": StepOrder(
+            1.0,
+            "semi-implicit Euler in joint coordinates, limits as compliant constraints",
+            "semi-implicit Euler, joint coordinates",
+        ),
     },
     option_sets=(STOCK_SET, TUNED_SET),
     tolerances=(

@@ -31,8 +31,16 @@ _NEED = "error-controlled Runge-Kutta-Merson of order 4, at most 1 ms a step, an
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={
-        "tuned": StepOrder(None, "error-controlled Runge-Kutta-Merson: the step is only an upper bound"),
-        "stock": StepOrder(None, "error-controlled Runge-Kutta-Merson, stops as springs: the step is an upper bound"),
+        "tuned": StepOrder(
+            None,
+            "error-controlled Runge-Kutta-Merson: the step is only an upper bound",
+            "error-controlled Runge-Kutta, joint coordinates",
+        ),
+        "stock": StepOrder(
+            None,
+            "error-controlled Runge-Kutta-Merson, stops as springs: the step is an upper bound",
+            "error-controlled Runge-Kutta, joint coordinates",
+        ),
     },
     option_sets=(STOCK_SET, TUNED_SET),
     tolerances=(
