@@ -10,6 +10,8 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
 from enum import Enum
 from pathlib import Path
 from types import ModuleType
@@ -33,6 +35,9 @@ from trebucheck.comparisons.importer.files import publish as publish_zoo
 from trebucheck.comparisons.importer.report import overview, versions_table
 from trebucheck.comparisons.importer.report import page as page_of_importer
 from trebucheck.comparisons.importer.results import ImporterResults
+from trebucheck.comparisons.matrix.read import distilled
+from trebucheck.comparisons.matrix.read import read as read_matrix
+from trebucheck.comparisons.matrix.report import document as matrix_document
 from trebucheck.comparisons.mjcf.events import record_motion
 from trebucheck.comparisons.problems.check import check
 from trebucheck.comparisons.problems.report import library
@@ -235,6 +240,22 @@ def write_importers() -> None:
         (folder / f"{name}.md").write_text(f"<!-- written by docs/generate.py -->\n{written}")
 
 
+def write_results() -> None:
+    """What the matrix keeps of the built-in engines on the paper's machines and on every problem (an hour)."""
+    models = ["fixed", "rolling", *(entry.name for entry in benchmarks())]
+    today = datetime.now(UTC).date().isoformat()
+    for name in _STEPS:
+        found = distilled(tb.compare(models, [name]).results, today)
+        (ROOT / "docs" / "results" / f"{name}.json").write_text(found.to_json() + "\n")
+
+
+def write_matrix() -> None:
+    """The page of engine x problem x quantity, from the results that the repository holds."""
+    files = [*(ROOT / "docs" / "results").glob("*.json"), *(ROOT / "plugins" / "results").glob("*.json")]
+    page, written = ROOT / "docs" / "matrix.md", replace(matrix_document(read_matrix(sorted(files))), title="")
+    page.write_text(_with_block(page.read_text(), "matrix", markdown.text(written, signs=True)))
+
+
 def write_api() -> None:
     """The page of all public names, from their docstrings."""
     parts = ["<!-- written by docs/generate.py -->\n# API\n\n`import trebucheck as tb`; SI units and radians.\n"]
@@ -315,6 +336,8 @@ PARTS: dict[str, Callable[[], None]] = {
     "tutorial": lambda: console.refresh(ROOT / "docs" / "tutorial.md"),
     "commands": write_commands,
     "importers": write_importers,
+    "results": write_results,
+    "matrix": write_matrix,
     "api": write_api,
     "notebook": lambda: notebook.execute(ROOT / "examples" / "notebook.ipynb"),
 }

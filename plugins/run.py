@@ -5,7 +5,6 @@ Called by `make plugins`; needs nothing but Python. Usage: python plugins/run.py
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 import venv
@@ -37,19 +36,20 @@ def problems(programs: Path) -> list[str]:
 
 
 def results(programs: Path, name: str) -> int:
-    """Compare the engine on every problem and write what `trebucheck compare --json` prints."""
-    models = ",".join(problems(programs))
-    out = programs.parent / "report"
-    command = [str(programs / "trebucheck"), "compare", "--engines", name, "--models", models, "--json"]
+    """Compare the engine on every problem, sweep its step on the first machine, and keep what a matrix needs."""
+    trebucheck, folder, path = str(programs / "trebucheck"), programs.parent, HERE / "results" / f"{name}.json"
+    compare = [trebucheck, "compare", "--engines", name, "--models", ",".join(problems(programs)), "--quiet"]
     # Exit code 1 says that some run disagrees, which is a result.
-    found = subprocess.run([*command, "--out", str(out)], capture_output=True, text=True, cwd=programs.parent)
+    found = subprocess.run([*compare, "--out", str(folder / "report")], cwd=folder)
     if found.returncode not in (0, 1):
-        sys.stderr.write(found.stderr)
         return found.returncode
-    path = HERE / "results" / f"{name}.json"
+    files = [str(folder / "report" / "results.json")]
+    converge = [trebucheck, "converge", "--engines", name, "--models", MACHINES[0], "--knobs", "timestep", "--quiet"]
+    # Without it, orders are those that the engine declares, and are said to be so.
+    if subprocess.run([*converge, "--out", str(folder / "converge")], cwd=folder).returncode == 0:
+        files.append(str(folder / "converge" / "converge.json"))
     path.parent.mkdir(exist_ok=True)
-    path.write_text(json.dumps(json.loads(found.stdout), indent=1) + "\n", encoding="utf-8")
-    return 0
+    return subprocess.run([trebucheck, "matrix", *files, "--quiet", "--out", str(path)], cwd=folder).returncode
 
 
 def conformance(programs: Path, name: str) -> int:

@@ -28,7 +28,7 @@ def text(document: Document, *, signs: bool = False) -> str:
     """The document; its title is a heading where it has one.
 
     Args:
-        signs: put the sign of its mark before each text and cell that has one.
+        signs: put the sign of its mark before each text and cell that has one, and strong cells in bold.
     """
     title = [f"# {document.title}"] if document.title else []
     return "\n\n".join([*title, *_parts(document.blocks, signs)]) + "\n"
@@ -86,7 +86,8 @@ def _line(cells: Iterable[str]) -> str:
 
 
 def _signed(cell: Cell, signs: bool) -> str:
-    return _sign(cell, signs and bool(cell.text)) + cell.text
+    text = f"**{cell.text}**" if signs and cell.mark == "strong" else cell.text
+    return _sign(cell, signs and bool(cell.text)) + text
 
 
 def _sign(of: Text | Cell, shown: bool) -> str:

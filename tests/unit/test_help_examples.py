@@ -21,6 +21,7 @@ NEEDS = {
     "view": "a screen",
     "importer": "an importer",
     "judge": "a file of somebody else's",
+    "matrix": "results of earlier comparisons",
 }
 
 

@@ -41,7 +41,7 @@ RANKS: tuple[tuple[str, ...], ...] = (
         "comparisons/recommend",
         "comparisons/throw",
     ),
-    ("comparisons/diff", "comparisons/front", "comparisons/judge", "comparisons/importer"),
+    ("comparisons/diff", "comparisons/front", "comparisons/judge", "comparisons/importer", "comparisons/matrix"),
     ("conformance",),
     ("paper/evidence",),
     ("paper/identification", "paper/drag", "paper/sweep"),

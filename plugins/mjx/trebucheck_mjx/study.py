@@ -31,8 +31,10 @@ _NEED = "fourth order: RK4 with located releases"
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={
-        "tuned": StepOrder(4.0, "RK4 in joint coordinates, double precision, events located to rounding"),
-        "stock": StepOrder(None, "RK4 in single precision: its floor, and soft limits"),
+        "tuned": StepOrder(
+            4.0, "RK4 in joint coordinates, double precision, events located to rounding", "RK4, joint coordinates"
+        ),
+        "stock": StepOrder(None, "RK4 in single precision: its floor, and soft limits", "RK4, joint coordinates"),
     },
     option_sets=(STOCK_SET, TUNED_SET),
     tolerances=(

@@ -1,0 +1,1 @@
+"""Engine x problem x quantity from results of several comparisons, engines of one scheme together."""

@@ -1,0 +1,94 @@
+"""What differs by scheme and what by implementation: ratios of errors of two engines on one problem at equal steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from statistics import median
+
+from .results import Matrix, MatrixProblem, MatrixRun
+
+FLOOR = 1e-12
+"""Of the scale: smaller errors are rounding over thousands of steps, and count as this."""
+_METRIC = "position_max"
+
+
+@dataclass(frozen=True)
+class Ratios:
+    """Of errors, larger by smaller, of pairs of runs on one problem."""
+
+    values: tuple[float, ...]
+
+    def __str__(self) -> str:
+        if not self.values:
+            return "no pair"
+        largest, middle = (f"{value:.2g}" for value in (max(self.values), median(self.values)))
+        count = len(self.values)
+        return f"{largest} (one pair)" if count == 1 else f"{largest} at most, {middle} in the median of {count} pairs"
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Of one scheme, on problems with stops or loops or on those without."""
+
+    scheme: str
+    constrained: bool
+    engines: tuple[str, ...]
+    within: Ratios
+    """Of two engines of the scheme."""
+    between: Ratios
+    """Of one of them and one of another scheme."""
+
+
+def spreads(matrix: Matrix) -> Iterator[Spread]:
+    """Of every scheme that two engines have, where there are pairs."""
+    for scheme, labels in matrix.schemes().items():
+        engines = sorted({run.engine for label in labels for run in matrix.of(label)})
+        if not scheme or len(engines) < 2:
+            continue
+        for constrained in (False, True):
+            problems = [each for each in matrix.problems if (each.stops or each.loops) == constrained]
+            found = _spread(matrix, problems, scheme)
+            if found[0].values:
+                yield Spread(scheme, constrained, tuple(engines), *found)
+
+
+def _spread(matrix: Matrix, problems: Iterable[MatrixProblem], scheme: str) -> tuple[Ratios, Ratios]:
+    within: list[float] = []
+    between: list[float] = []
+    for problem in problems:
+        for a, b in _pairs([run for run in matrix.runs if run.problem == problem.name and run.scheme]):
+            if a.scheme == b.scheme == scheme:
+                within.append(_ratio(a, b))
+            elif scheme in (a.scheme, b.scheme):
+                between.append(_ratio(a, b))
+    return Ratios(tuple(within)), Ratios(tuple(between))
+
+
+def _pairs(runs: Sequence[MatrixRun]) -> Iterator[tuple[MatrixRun, MatrixRun]]:
+    """Two runs of different engines with equal steps, both with an error."""
+    moved = [run for run in runs if _error(run) is not None]
+    for a, b in combinations(moved, 2):
+        if a.engine != b.engine and math.isclose(a.timestep or 0.0, b.timestep or math.inf, rel_tol=1e-9):
+            yield a, b
+
+
+def _ratio(a: MatrixRun, b: MatrixRun) -> float:
+    low, high = sorted(max(_error(run) or 0.0, FLOOR) for run in (a, b))
+    return high / low
+
+
+def _error(run: MatrixRun) -> float | None:
+    error = run.error(_METRIC)
+    return None if error is None or not error.observed else error.part
+
+
+def sentence(spread: Spread) -> str:
+    """The comparison of the two."""
+    where = "with stops or loops" if spread.constrained else "without stops and loops"
+    return (
+        f"position errors of two of its engines ({', '.join(spread.engines)}) on one problem {where}, at equal steps, "
+        f"have a ratio of {spread.within}; those of one of them and one of another scheme {spread.between}."
+    )

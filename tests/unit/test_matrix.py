@@ -1,0 +1,165 @@
+"""`trebucheck matrix`: runs of several files side by side, grouped by scheme; nothing is green that was not judged."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trebucheck as tb
+from trebucheck.__main__ import main
+from trebucheck.comparisons.matrix.read import distilled, read
+from trebucheck.comparisons.matrix.report import document
+from trebucheck.comparisons.matrix.results import Error, Matrix, MatrixProblem, MatrixRun, MeasuredOrder
+from trebucheck.comparisons.matrix.spread import spreads
+from trebucheck.comparisons.report import html, markdown
+from trebucheck.comparisons.runs.results import Outcome, Results
+from trebucheck.engines.study import SCHEME_NAMES
+from trebucheck.models.errors import InputError
+
+RK4, EULER = "RK4, joint coordinates", "semi-implicit Euler, joint coordinates"
+_REFUSAL = "welder cannot build loops: it has no constraints."
+
+
+def _problem(name: str = "swing", **fields: Any) -> MatrixProblem:
+    given = {"mechanism_hash": name, "stop_law": "release-once", "judged_to": 2.0, "stops": False, "loops": False}
+    return MatrixProblem(name=name, **(given | fields))
+
+
+def _run(engine: str, part: float | None = None, holds: bool | None = True, **fields: Any) -> MatrixRun:
+    error = Error(metric="position_max", subject="tip", value=part, unit="m", part=part, tolerance=1e-3, holds=holds)
+    given = {
+        "problem": "swing", "preset": "tuned", "engine_version": "1", "scheme": RK4, "order": 4.0, "timestep": 1e-3,
+        "outcome": Outcome.AGREES, "date": "2026-01-02", "made_by": "0.1.0", "errors": () if part is None else (error,),
+    }  # fmt: skip
+    return MatrixRun(engine=engine, **(given | fields))
+
+
+def _matrix(*runs: MatrixRun, **fields: Any) -> Matrix:
+    return Matrix.made_here(problems=fields.pop("problems", (_problem(),)), runs=runs, **fields)
+
+
+def _text(matrix: Matrix) -> str:
+    return markdown.text(document(matrix), signs=True)
+
+
+def _line(text: str, start: str) -> str:
+    return next(line for line in text.splitlines() if line.startswith(f"| {start} |"))
+
+
+def test_engines_of_one_scheme_stand_together_and_those_that_state_none_come_last() -> None:
+    runs = (_run("a", 1e-9), _run("b", 1e-4, scheme=EULER), _run("c", 2e-9), _run("d", 1.0, scheme=""))
+    matrix = _matrix(*runs)
+    assert matrix.schemes() == {RK4: ["a tuned", "c tuned"], EULER: ["b tuned"], "": ["d tuned"]}
+    lines = [line.split(" | ")[0].strip("| *") for line in _text(matrix).splitlines()]
+    heads = [line for line in lines if line in (RK4, EULER, "scheme not stated", "a tuned", "b tuned", "c tuned")]
+    assert heads[:6] == [RK4, "a tuned", "c tuned", EULER, "b tuned", "scheme not stated"]
+
+
+@pytest.mark.parametrize(
+    ("outcome", "holds", "sign"),
+    [(Outcome.AGREES, True, "✓ "), (Outcome.DISAGREES, False, "✗ "), (Outcome.NOT_JUDGED, None, "○ ")],
+)
+def test_a_cell_has_the_sign_of_its_verdict_and_its_error(outcome: Outcome, holds: bool | None, sign: str) -> None:
+    matrix = _matrix(_run("a", 1.5e-7, holds, outcome=outcome))
+    verdict, quantity = (line for line in _text(matrix).splitlines() if line.startswith("| a tuned |"))
+    assert verdict.endswith(f"| {sign}1.5e-7 |") and quantity.endswith(f"| {sign}1.5e-7 |")
+
+
+def test_what_did_not_run_is_said_in_its_own_words_and_is_never_green() -> None:
+    runs = (
+        _run("welder", outcome=Outcome.UNSUPPORTED, message=_REFUSAL),
+        _run("crasher", outcome=Outcome.FAILED, message="it fell over."),
+        _run("stranger", outcome=Outcome.NOT_EQUIVALENT, message="total mass off by 1."),
+        _run("gone", outcome=Outcome.ABSENT, message="gone is not installed."),
+        _run("mover", 1e-9, problem="other"),
+    )
+    text = _text(_matrix(*runs, problems=(_problem(), _problem("other"))))
+    said = {"welder": "! refused", "crasher": "✗ failed", "stranger": "✗ another model", "gone": "! not installed"}
+    for engine, cell in said.items():
+        assert f"| {cell} |" in _line(text, f"{engine} tuned") and "✓" not in _line(text, f"{engine} tuned")
+    assert "not run" in _line(text, "mover tuned") and _REFUSAL in _line(text, "welder")
+    assert "it fell over." in text and "total mass off by 1." in text
+
+
+def test_a_measured_order_is_shown_and_a_declared_one_is_said_to_be_so() -> None:
+    order = MeasuredOrder(engine="a", preset="tuned", problem="swing", exponent=3.98, half_width=0.03)
+    text = _text(_matrix(_run("a", 1e-9), _run("b", 1e-9), _run("c", 1e-9, order=None), orders=(order,)))
+    assert "3.98 ± 0.03 (swing)" in _line(text, "a tuned")
+    assert "4 (declared)" in _line(text, "b tuned") and "none (declared)" in _line(text, "c tuned")
+
+
+def test_ratios_within_a_scheme_and_between_schemes_are_of_different_engines_at_equal_steps() -> None:
+    runs = (
+        _run("a", 1e-9), _run("b", 3e-9), _run("c", 1e-4, scheme=EULER), _run("d", 1e-13),
+        _run("a", 9e-9, preset="stock"), _run("e", 1.0, timestep=2e-3),
+    )  # fmt: skip
+    (found,) = spreads(_matrix(*runs))
+    assert (found.scheme, found.constrained, found.engines) == (RK4, False, ("a", "b", "d", "e"))
+    # a-b 3, a-d 1e3 (rounding counts as 1e-12), b-d 3e3, b-a stock 3, d-a stock 9e3; c against each of the four
+    assert sorted(found.within.values) == pytest.approx([3, 3, 1e3, 3e3, 9e3])
+    assert sorted(found.between.values) == pytest.approx([1e-4 / 9e-9, 1e-4 / 3e-9, 1e5, 1e8])
+    assert "9e+03 at most" in _text(_matrix(*runs))
+
+
+@pytest.fixture(scope="module")
+def results() -> Results:
+    """A pendulum in an engine and the reference."""
+    return tb.compare(["pendulum"], ["pymunk", "reference"], until=0.5, isolate=False).results
+
+
+def test_results_of_a_comparison_are_distilled_with_schemes_scales_and_verdicts(results: Results) -> None:
+    matrix = distilled(results, "2026-01-02")
+    assert {run.label: run.scheme for run in matrix.runs} == {
+        "pymunk tuned": "leapfrog, impulses", "pymunk stock": "semi-implicit Euler, impulses"
+    }  # fmt: skip
+    assert {run.scheme for run in matrix.runs} <= set(SCHEME_NAMES)
+    run, full = matrix.runs[0], next(run for run in results.runs if run.label == matrix.runs[0].label)
+    error, metric = run.error("position_max"), full.metric("position_max", "P1")
+    assert error is not None and metric is not None and metric.value is not None
+    assert (error.value, error.holds) == (metric.value, True)
+    assert error.part == pytest.approx(abs(metric.value) / results.machines[0].scales.length)
+    assert (run.order, run.timestep, run.held) == (2.0, full.settings["timestep"], len(full.judged))
+    unjudged = full.model_copy(
+        update={"metrics": tuple(m.model_copy(update={"tolerance": None}) for m in full.metrics)}
+    )
+    bare = distilled(results.model_copy(update={"runs": (unjudged,)}), "2026-01-02").runs[0]
+    assert {error.holds for error in bare.errors} == {None} and bare.worst is None
+
+
+def test_files_are_put_together_once_and_read_again(results: Results, tmp_path: Path) -> None:
+    whole, first, second = (tmp_path / name for name in ("results.json", "first.json", "second.json"))
+    whole.write_text(results.to_json())
+    assert main(["matrix", str(whole), "--quiet", "--out", str(first)]) == 0
+    second.write_text(_matrix(_run("a", 1e-9)).to_json())
+    assert {run.engine for run in read([first, second]).runs} == {"a", "pymunk"}
+    for suffix in ("html", "md"):
+        assert main(["matrix", str(first), str(second), "--quiet", "--out", str(tmp_path / f"m.{suffix}")]) == 0
+    assert (tmp_path / "m.html").read_text() == html.page(
+        document(read([first, second]).made_by(f"trebucheck matrix {first} {second} --out {tmp_path / 'm.html'}"))
+    )
+    with pytest.raises(InputError, match=r"the run pymunk tuned on pendulum is in .*results.json and in .*first.json"):
+        read([whole, first])
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        ("{", "is not JSON"),
+        ('{"format": "trebucheck-explain-1"}', "has format 'trebucheck-explain-1'; needed is one of"),
+        ("[]", "has no format"),
+        (_matrix(_run("b"), problems=(_problem(mechanism_hash="other"),)).to_json(), "'swing' is another mechanism"),
+        (Matrix.made_here(problems=(), runs=()).to_json(), None),
+    ],
+)
+def test_bad_files_get_one_sentence(
+    content: str, sentence: str | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    good, bad = tmp_path / "good.json", tmp_path / "bad.json"
+    good.write_text(_matrix(_run("a", 1e-9)).to_json())
+    bad.write_text(content)
+    code = main(["matrix", str(good), str(bad), "--quiet"])
+    said = capsys.readouterr().err
+    assert (code, said.count("\n")) == ((0, 0) if sentence is None else (2, 1)) and (sentence or "") in said
+    assert main(["matrix", str(good), "--out", str(tmp_path / "m.txt")]) == 2
+    assert "must end in .html, .md or .json" in capsys.readouterr().err
