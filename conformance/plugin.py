@@ -6,7 +6,7 @@ one of its options or its fixture is used.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from .session import Session
 
 _KEY: pytest.StashKey[Session] = pytest.StashKey()
-_REQUIRED: pytest.StashKey[dict[str, bool]] = pytest.StashKey()
-"""Engines of --require-engine by name, and whether a test has used each of them."""
+_REQUIRED: pytest.StashKey[tuple[str, ...]] = pytest.StashKey()
+"""Engines of --require-engine."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -51,10 +51,13 @@ def pytest_configure(config: pytest.Config) -> None:
     """Start a session of the suite where one was asked for."""
     required: list[str] = config.getoption("--require-engine") or []
     engines: list[str] = config.getoption("--trebucheck") or []
-    config.stash[_REQUIRED] = {name.partition("/")[0]: False for name in required}
+    config.stash[_REQUIRED] = tuple(dict.fromkeys(name.partition("/")[0] for name in required))
+    _HEARD.clear()
     if not engines:
         _refuse_alone(config)
         return
+    if getattr(config.option, "numprocesses", None):  # of pytest-xdist: each would run every problem again
+        raise pytest.UsageError("--trebucheck makes its checks in one process, beside the engine's: add -n 0")
     from ..models.errors import TrebucheckError
     from .session import Session
 
@@ -62,7 +65,7 @@ def pytest_configure(config: pytest.Config) -> None:
     options: dict[str, Any] = {name: config.getoption(f"--trebucheck-{name}") for name in names}
     folder = config.invocation_params.dir
     try:
-        session = Session.of(engines, options, folder, tuple(config.stash[_REQUIRED]))
+        session = Session.of(engines, options, folder, config.stash[_REQUIRED])
     except TrebucheckError as error:
         raise pytest.UsageError(str(error)) from None
     config.stash[_KEY] = session
@@ -137,28 +140,27 @@ def pytest_collection_modifyitems(session: pytest.Session, config: pytest.Config
         return
     suite = ConformanceSuite.from_parent(session, name="trebucheck", nodeid="trebucheck")
     own = list(suite.collect())
-    if config.pluginmanager.hasplugin("xdist"):  # with --dist loadgroup the checks of one problem stay together
-        for item in own:
-            item.add_marker(pytest.mark.xdist_group(item.name.rpartition("/")[0]))
     items.extend(own)
     session.testscollected = len(items)
 
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
-    """Note of which required engines a test has said something."""
+    """Note on a test's report which engines it has asked for; reports come back from other processes, too."""
     outcome: Any = yield
-    report = outcome.get_result()
-    if report.when != "call" or report.skipped:
-        return
-    used = item.config.stash[_REQUIRED]
-    names = {item.name.partition("/")[0]} if isinstance(item, ConformanceItem) else _asked(item)
-    used.update(dict.fromkeys(names & used.keys(), True))
+    checker = getattr(item, "funcargs", {}).get("trebucheck")
+    asked: list[str] = [item.name.partition("/")[0]] if isinstance(item, ConformanceItem) else []
+    outcome.get_result().trebucheck_engines = sorted(checker.asked) if isinstance(checker, _Checker) else asked
 
 
-def _asked(item: pytest.Item) -> set[str]:
-    fixture = getattr(item, "funcargs", {}).get("trebucheck")
-    return set() if fixture is None else set(fixture.asked)
+def pytest_runtest_logreport(report: Any) -> None:
+    """Note of which engines a test has said something."""
+    if report.when == "call" and not report.skipped:
+        _HEARD.update(getattr(report, "trebucheck_engines", ()))
+
+
+_HEARD: set[str] = set()
+"""Engines of which a test that was not skipped has said something, in this session."""
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
@@ -171,9 +173,9 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
 
 
 def _silent(config: pytest.Config) -> list[str]:
-    if config.getoption("collectonly", False) or getattr(config.option, "numprocesses", None):
-        return []  # the processes of pytest-xdist see their tests, this one does not
-    return [name for name, used in config.stash[_REQUIRED].items() if not used]
+    if config.getoption("collectonly", False):
+        return []
+    return [name for name in config.stash[_REQUIRED] if name not in _HEARD]
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
@@ -185,7 +187,7 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
 class _Checker:
     """What the fixture gives."""
 
-    def __init__(self, required: dict[str, bool]) -> None:
+    def __init__(self, required: Container[str]) -> None:
         self._required, self.asked = required, set[str]()
 
     def check(self, engine: str, model: Any = "fixed", **given: Any) -> Any:

@@ -90,8 +90,8 @@ class Session:
         return Conformance.made_here(engines=versions, tier=self._tier, verdicts=verdicts)
 
     def write(self) -> None:
-        """The verdicts, where a file was named; raises InputError if it cannot be written."""
-        if self._path is not None:
+        """The verdicts, where a file was named and there are any; raises InputError if it cannot be written."""
+        if self._path is not None and self._found:
             write_text(self._path, self.results.to_json())
 
     def close(self) -> None:

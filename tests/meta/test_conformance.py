@@ -248,7 +248,7 @@ def test_a_required_engine_may_neither_be_absent_nor_be_skipped(tmp_path: Path) 
 
 
 def test_the_fixture_skips_what_is_absent() -> None:
-    checker = plugin._Checker({})
+    checker = plugin._Checker(())
     with pytest.raises(pytest.skip.Exception, match="'uninstalled' is not installed here"):
         checker.check("dummy_engines:Uninstalled", "catapult")
     assert checker.asked == {"uninstalled"}
