@@ -114,6 +114,8 @@ class Appearance:
             return
         lane, half = self.lane(joint), round(0.008 * self.reach, 6)
         shapes.disc(joint.child_point, thin, lane, IRON)
+        if any((lump.body, lump.point) == (joint.child, joint.child_point) for lump in self.lumps):
+            return  # the mass itself slides between the guides
         for side in (-lane, lane):
             shapes.disc(joint.child_point, self.wheel, half, WOOD, side)
             shapes.disc(joint.child_point, thin, round(1.3 * half, 6), IRON, side)
