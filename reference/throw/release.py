@@ -15,9 +15,12 @@ from ...models.errors import InputError
 from ...models.joints import GROUND
 from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Body, Marker, Mechanism
+from ...models.problem import StopLaw
 from ..solution import Solution
+from ..solver import characteristic_time, solve_until
 from .flight import COARSE, Release, Surroundings, drag_flight, fall_time, fly, range_rate
 
+_SPANS = (3.0, 6.0, 12.0)  # durations of the motions, in characteristic times; Table I's sweep ends at 2.5
 _SCAN = 400  # releases tried over a sweep: some 3 ms apart on Table I, where the range's peak is tens of ms wide
 _CANDIDATES = 3  # highest peaks of the scan that are refined
 _DOWN = -math.pi / 2
@@ -205,3 +208,30 @@ class Projectile:
             return self.release_at(float(min((float(peak.x), float(times[i])), key=loss)))
         except InputError:  # beside the peak nothing lands: the scanned time is the last that does
             return self.release_at(float(times[i]))
+
+
+def swing(
+    mechanism: Mechanism,
+    release_time: float | None = None,
+    stop_law: StopLaw = StopLaw.RELEASE_ONCE,
+    spans: tuple[float, ...] = _SPANS,
+) -> Projectile:
+    """The motion until the first sweep is over and the release time is past, or the longest one that is solved.
+
+    Args:
+        mechanism: with a projectile.
+        release_time: [s].
+        stop_law: of its stops.
+        spans: durations that are tried in turn, in characteristic times.
+
+    Raises:
+        InputError: the mechanism has no projectile or no gravity.
+        SimulationError: the integrator's step size collapsed.
+    """
+    scale = characteristic_time(mechanism)
+
+    def complete(solution: Solution) -> bool:
+        projectile = Projectile(solution)
+        return projectile.sweep()[1] < projectile.end and not (release_time or 0.0) > projectile.end
+
+    return Projectile(solve_until(mechanism, (span * scale for span in spans), complete, stop_law))

@@ -13,13 +13,11 @@ from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
 from ...models.spec import NonNegative
 from ..solution import Solution
-from ..solver import characteristic_time, solve_until
 from .figures import FlightFigures, Held, LaunchFigures, Performance, RestFigures, Throw
 from .flight import Air, Flight, Surroundings, downwards, fly, world
 from .members import Interval, MemberForce, SupportForce, carries, member_forces, support_forces, supports
-from .release import Projectile
+from .release import Projectile, swing
 
-_SPANS = (3.0, 6.0, 12.0)  # durations of the motions, in characteristic times; Table I's sweep ends at 2.5
 _THROUGH = -1e-9  # [rad] a gap below this is no rounding
 
 
@@ -76,8 +74,8 @@ def perform(
     """As :func:`throw`, with the motion and the flights kept; `release` has its three kinds by name."""
     chosen = _one_release(release, best)
     placed, air = _placed(mechanism, density, drag_area, body)
-    projectile = _swing(placed, chosen.get("release_time"))
-    surroundings = _surroundings(projectile, air, height)
+    projectile = swing(placed, chosen.get("release_time"))
+    surroundings = surroundings_of(projectile, air, height)
     farthest = projectile.best_release(surroundings)
     if "best" in chosen:
         if farthest is None:
@@ -137,18 +135,12 @@ def _placed(
     return mechanism, air
 
 
-def _swing(mechanism: Mechanism, release_time: float | None) -> Projectile:
-    """The motion until the first sweep is over and the release time is past, or the longest one that is solved."""
-    scale = characteristic_time(mechanism)
+def surroundings_of(projectile: Projectile, air: Air, height: float) -> Surroundings:
+    """What acts on it in flight, and where it lands, `height` [m] above the machine's :func:`origin` at the start.
 
-    def complete(solution: Solution) -> bool:
-        projectile = Projectile(solution)
-        return projectile.sweep()[1] < projectile.end and not (release_time or 0.0) > projectile.end
-
-    return Projectile(solve_until(mechanism, (spans * scale for spans in _SPANS), complete))
-
-
-def _surroundings(projectile: Projectile, air: Air, height: float) -> Surroundings:
+    Raises:
+        InputError: the height is not finite, gravity is not downwards, or drag lacks the projectile's mass.
+    """
     if not math.isfinite(height):
         raise InputError(f"height = {height!r} m must be finite.")
     drag = 0.0

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-LAYERS = ("models", "reference", "engines", "comparisons", "conformance", "paper", "cli")
+LAYERS = ("models", "reference", "engines", "comparisons", "conformance", "environments", "paper", "cli")
 ENGINES = ("mujoco", "pymunk", "exudyn")
 MODULES = sorted(path for layer in LAYERS for path in (ROOT / layer).rglob("*.py"))
 FRONT = [ROOT / "__init__.py", ROOT / "__main__.py", ROOT / "version.py"]
@@ -42,7 +42,7 @@ RANKS: tuple[tuple[str, ...], ...] = (
         "comparisons/throw",
     ),
     ("comparisons/diff", "comparisons/front", "comparisons/judge", "comparisons/importer", "comparisons/matrix"),
-    ("conformance",),
+    ("conformance", "environments"),
     ("paper/evidence",),
     ("paper/identification", "paper/drag", "paper/sweep"),
     ("paper/design",),
