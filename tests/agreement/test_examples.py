@@ -15,13 +15,13 @@ import pytest
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.py"))
 NOTEBOOK = Path(__file__).parents[2] / "examples" / "notebook.ipynb"
-ENGINES = ("mujoco", "pymunk", "exudyn")
+LIBRARIES = ("mujoco", "pymunk", "exudyn", "gymnasium")
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_an_example_runs(path: Path, tmp_path: Path) -> None:
     text = path.read_text()
-    absent = [name for name in ENGINES if re.search(rf'"{name}"|import {name}', text) and find_spec(name) is None]
+    absent = [name for name in LIBRARIES if re.search(rf'"{name}"|import {name}', text) and find_spec(name) is None]
     if absent:
         pytest.skip(f"{', '.join(absent)} is not installed here")
     done = subprocess.run([sys.executable, str(path)], cwd=tmp_path, capture_output=True, text=True, check=False)
