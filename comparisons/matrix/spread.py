@@ -16,17 +16,27 @@ _METRIC = "position_max"
 
 
 @dataclass(frozen=True)
-class Ratios:
-    """Of errors, larger by smaller, of pairs of runs on one problem."""
+class Ratio:
+    """Of two errors, the larger by the smaller."""
 
-    values: tuple[float, ...]
+    value: float
+    runs: str
+    """Which two, and on which problem."""
+
+
+@dataclass(frozen=True)
+class Ratios:
+    """Of pairs of runs on one problem."""
+
+    found: tuple[Ratio, ...]
 
     def __str__(self) -> str:
-        if not self.values:
+        if not self.found:
             return "no pair"
-        largest, middle = (f"{value:.2g}" for value in (max(self.values), median(self.values)))
-        count = len(self.values)
-        return f"{largest} (one pair)" if count == 1 else f"{largest} at most, {middle} in the median of {count} pairs"
+        largest = max(self.found, key=lambda each: each.value)
+        count, middle = len(self.found), median(each.value for each in self.found)
+        rest = "one pair" if count == 1 else f"{count} pairs, median {middle:.2g}"
+        return f"{largest.value:.2g} at most ({largest.runs}; {rest})"
 
 
 @dataclass(frozen=True)
@@ -51,13 +61,13 @@ def spreads(matrix: Matrix) -> Iterator[Spread]:
         for constrained in (False, True):
             problems = [each for each in matrix.problems if (each.stops or each.loops) == constrained]
             found = _spread(matrix, problems, scheme)
-            if found[0].values:
+            if found[0].found:
                 yield Spread(scheme, constrained, tuple(engines), *found)
 
 
 def _spread(matrix: Matrix, problems: Iterable[MatrixProblem], scheme: str) -> tuple[Ratios, Ratios]:
-    within: list[float] = []
-    between: list[float] = []
+    within: list[Ratio] = []
+    between: list[Ratio] = []
     for problem in problems:
         for a, b in _pairs([run for run in matrix.runs if run.problem == problem.name and run.scheme]):
             if a.scheme == b.scheme == scheme:
@@ -75,9 +85,9 @@ def _pairs(runs: Sequence[MatrixRun]) -> Iterator[tuple[MatrixRun, MatrixRun]]:
             yield a, b
 
 
-def _ratio(a: MatrixRun, b: MatrixRun) -> float:
+def _ratio(a: MatrixRun, b: MatrixRun) -> Ratio:
     low, high = sorted(max(_error(run) or 0.0, FLOOR) for run in (a, b))
-    return high / low
+    return Ratio(high / low, f"{a.label} and {b.label} on {a.problem}")
 
 
 def _error(run: MatrixRun) -> float | None:

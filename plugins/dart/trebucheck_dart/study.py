@@ -31,8 +31,12 @@ _FIRST = "first order: the projectile, at up to 40 m/s, is a step's time off"
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={
-        "tuned": StepOrder(4.0, "RK4 in joint coordinates, events located to rounding"),
-        "stock": StepOrder(1.0, "semi-implicit Euler in joint coordinates, releases at a step's end"),
+        "tuned": StepOrder(4.0, "RK4 in joint coordinates, events located to rounding", "RK4, joint coordinates"),
+        "stock": StepOrder(
+            1.0,
+            "semi-implicit Euler in joint coordinates, releases at a step's end",
+            "semi-implicit Euler, joint coordinates",
+        ),
     },
     option_sets=(STOCK_SET, TUNED_SET),
     tolerances=(
