@@ -117,7 +117,8 @@ def _dynamics(model: Any, data: Any, positions: Any, speeds: Any, forces: Any) -
 def _forward(model: Any, data: Any, positions: Any, speeds: Any, forces: Any, warm: Any) -> tuple[Any, ...]:
     data = _placed(data, positions, speeds, forces).replace(qacc_warmstart=warm)
     seen = mjx.forward(model, data)
-    internal = mjx.rne_postconstraint(model, seen).cfrc_int[:, 3:]  # `forward` leaves it, and force sensors, at zero
+    # `forward` leaves internal forces, and with them force sensors, at zero.
+    internal = mjx.rne_postconstraint(model, seen)._impl.cfrc_int[:, 3:]
     return mjx.full_m(model, seen), seen.qfrc_constraint, seen.sensordata, seen.xipos, internal
 
 
