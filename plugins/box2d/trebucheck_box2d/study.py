@@ -25,10 +25,11 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     )  # fmt: skip
 
 
-_SCHEME = "semi-implicit Euler in Cartesian coordinates; at short steps the floor of single precision"
+_SCHEME = "semi-implicit Euler, impulses"
+_REASON = "semi-implicit Euler in Cartesian coordinates; at short steps the floor of single precision"
 STUDY = EngineStudy(
     causes=_causes,
-    step_orders={"tuned": StepOrder(1.0, _SCHEME), "stock": StepOrder(1.0, _SCHEME)},
+    step_orders={"tuned": StepOrder(1.0, _REASON, _SCHEME), "stock": StepOrder(1.0, _REASON, _SCHEME)},
     option_sets=(STOCK_SET, TUNED_SET),
     colour="#ff8c00",
 )

@@ -1,0 +1,1 @@
+"""Newton as an engine of trebucheck."""
