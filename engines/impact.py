@@ -19,6 +19,7 @@ from ..models.errors import SimulationError
 from . import impact_law
 
 _RANK = 1e-12  # of the largest singular value: redundant constraints have smaller ones
+_NEARLY = 1e-6  # the same where errors of positions are undone: near singular positions they would grow
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,17 @@ class Inertia:
         Soft constraints leave them speeds of some 1e-9 rad/s, which are none of an impact's.
         """
         return self._allowed(np.concatenate([self.loops, active])) @ speeds
+
+    def move_onto(self, active: FloatArray, residual: FloatArray) -> FloatArray:
+        """The least change of the position that makes residuals of the loops and of the active contacts zero, (n_v,).
+
+        Args:
+            active: Jacobian of the contacts, shape (n_active, n_v).
+            residual: of the loops, then of the contacts, shape (n_loops + n_active,).
+        """
+        rows = np.concatenate([self.loops, active])
+        by_impulse = self._inverse() @ rows.T
+        return -by_impulse @ np.linalg.pinv(rows @ by_impulse, _NEARLY, hermitian=True) @ residual
 
     def response(self) -> FloatArray:
         """W, shape (n_v, n_v)."""
