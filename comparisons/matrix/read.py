@@ -117,10 +117,11 @@ def _orders(studies: Studies) -> Iterator[MeasuredOrder]:
     for machine in studies.machines:
         for study in machine.studies:
             law = study.curve("position").law
-            if study.knob == "timestep" and law is not None:
+            if study.knob == "timestep" and any(point.position is not None for point in study.points):
                 yield MeasuredOrder(
                     engine=study.engine, preset=study.preset, problem=machine.model,
-                    exponent=law.exponent, half_width=law.half_width,
+                    exponent=None if law is None else law.exponent,
+                    half_width=None if law is None else law.half_width,
                 )  # fmt: skip
 
 

@@ -124,7 +124,7 @@ def _order(matrix: Matrix, label: str) -> str:
     """Measured, or else as declared, which is said."""
     measured = [order for order in matrix.orders if order.label == label]
     if measured:
-        return ", ".join(f"{o.exponent:.2f} ± {o.half_width:.2f} ({o.problem})" for o in measured)
+        return ", ".join(map(str, measured))
     declared = next(iter(matrix.of(label))).order
     return "none (declared)" if declared is None else f"{declared:g} (declared)"
 

@@ -101,13 +101,17 @@ class MeasuredOrder(Spec):
     engine: str
     preset: str
     problem: str
-    exponent: Real
-    half_width: Real = Field(description="of its 95 % confidence interval")
+    exponent: Real | None = Field(description="None: no power of the step was found")
+    half_width: Real | None = Field(default=None, description="of its 95 % confidence interval")
 
     @property
     def label(self) -> str:
         """Engine and preset in one."""
         return f"{self.engine} {self.preset}"
+
+    def __str__(self) -> str:
+        measured = "none" if self.exponent is None else f"{self.exponent:.3f} ± {self.half_width or 0.0:.3f}"
+        return f"{measured} ({self.problem})"
 
 
 class Matrix(ResultFile):

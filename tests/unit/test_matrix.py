@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
+from trebucheck.comparisons.converge.results import Curve, MachineStudies, Point, PowerLaw, Studies, Study
 from trebucheck.comparisons.matrix.read import distilled, read
 from trebucheck.comparisons.matrix.report import document
 from trebucheck.comparisons.matrix.results import Error, Matrix, MatrixProblem, MatrixRun, MeasuredOrder
@@ -84,8 +85,11 @@ def test_what_did_not_run_is_said_in_its_own_words_and_is_never_green() -> None:
 
 def test_a_measured_order_is_shown_and_a_declared_one_is_said_to_be_so() -> None:
     order = MeasuredOrder(engine="a", preset="tuned", problem="swing", exponent=3.98, half_width=0.03)
-    text = _text(_matrix(_run("a", 1e-9), _run("b", 1e-9), _run("c", 1e-9, order=None), orders=(order,)))
-    assert "3.98 ± 0.03 (swing)" in _line(text, "a tuned")
+    flat = MeasuredOrder(engine="d", preset="tuned", problem="swing", exponent=None)
+    runs = (_run("a", 1e-9), _run("b", 1e-9), _run("c", 1e-9, order=None), _run("d", 1e-9))
+    text = _text(_matrix(*runs, orders=(order, flat)))
+    assert "| none (swing) |" in _line(text, "d tuned")
+    assert "3.980 ± 0.030 (swing)" in _line(text, "a tuned")
     assert "4 (declared)" in _line(text, "b tuned") and "none (declared)" in _line(text, "c tuned")
 
 
@@ -140,6 +144,32 @@ def test_files_are_put_together_once_and_read_again(results: Results, tmp_path: 
     )
     with pytest.raises(InputError, match=r"the run pymunk tuned on pendulum is in .*results.json and in .*first.json"):
         read([whole, first])
+
+
+def _sweep(engine: str, knob: str, law: PowerLaw | None, position: float | None = 1e-6) -> Study:
+    curve = Curve(quantity="position", law=law, floor=None)
+    return Study(
+        engine=engine, engine_version="1", preset="tuned", knob=knob, title="", unit="s", base={}, settings={},
+        expected=None, why="", own=False, points=(Point(value=1e-3, options={}, position=position),), curves=(curve,),
+    )  # fmt: skip
+
+
+def test_orders_are_those_of_sweeps_of_the_time_step_that_moved(tmp_path: Path) -> None:
+    law = PowerLaw(exponent=3.99, half_width=0.02, factor=1.0, low=1e-4, high=1e-2, points=5)
+    sweeps = (
+        _sweep("a", "timestep", law), _sweep("a", "iterations", law), _sweep("b", "timestep", None),
+        _sweep("c", "timestep", None, position=None),
+    )  # fmt: skip
+    mechanism = tb.model("pendulum")
+    machine = MachineStudies(
+        model="swing", mechanism=mechanism, mechanism_hash=mechanism.content_hash, launch_time=None, uncertainty={},
+        uncertainty_source="estimate", studies=sweeps, limits=(), pairs=(),
+    )  # fmt: skip
+    converge, runs = tmp_path / "converge.json", tmp_path / "runs.json"
+    converge.write_text(Studies.made_here(machines=(machine,)).to_json())
+    runs.write_text(_matrix(_run("a", 1e-9)).to_json())
+    found = {order.engine: order.exponent for order in read([runs, converge]).orders}
+    assert found == {"a": 3.99, "b": None}
 
 
 @pytest.mark.parametrize(
