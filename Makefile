@@ -3,6 +3,7 @@
 # make quick    the fast tier: no engine simulates (under a minute)
 # make plugins  the engines of others: an environment each, their tests, plugins/results/*.json
 # make importers  what reads MJCF: an environment each, importers/*/results.json (half an hour)
+# make mujoco3  the MuJoCo adapter and the files on the least MuJoCo that is supported
 # make docs     the documentation as a site, in site/
 PYTHON ?= python3
 VENV   ?= .venv
@@ -12,7 +13,7 @@ OPEN   ?= $(shell command -v xdg-open || command -v open || echo true)
 
 PLUGINS ?= $(patsubst plugins/%/pyproject.toml,%,$(wildcard plugins/*/pyproject.toml))
 
-.PHONY: report test quick lint types generated docs benchmark plugins importers clean
+.PHONY: report test quick lint types generated docs benchmark plugins importers mujoco3 clean
 
 # The wheel is installed, not the checkout: that proves that it is complete, and is what type checkers resolve.
 $(VENV)/installed: $(SOURCES) constraints.txt
@@ -55,5 +56,14 @@ importers: $(VENV)/installed
 	$(PYTHON) importers/run.py $(abspath $(BIN)/trebucheck) $(IMPORTERS)
 	$(BIN)/python docs/generate.py importers
 
+LEAST_MUJOCO := 3.3.6
+mujoco3:
+	test -x .mujoco3/bin/python || $(PYTHON) -m venv .mujoco3
+	grep -v '^mujoco' constraints.txt > .mujoco3/constraints.txt
+	.mujoco3/bin/python -m pip install --quiet --disable-pip-version-check --constraint .mujoco3/constraints.txt ".[test]" mujoco==$(LEAST_MUJOCO)
+	.mujoco3/bin/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps .
+	.mujoco3/bin/python -m pytest -n 2 tests/agreement/test_mujoco*.py tests/agreement/test_inspection.py \
+		tests/agreement/test_zoo.py tests/unit/test_mjcf_writer.py
+
 clean:
-	rm -rf $(VENV) .plugins .importers build report site *.egg-info
+	rm -rf $(VENV) .plugins .importers .mujoco3 build report site *.egg-info

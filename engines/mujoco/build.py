@@ -16,6 +16,7 @@ from ...models.mjcf.writer import MARGIN, mjcf
 from .constraints import UnilateralConstraint, stop_contacts
 from .options import MujocoOptions, scaled_solref
 from .reference_acceleration import CALLBACK, ReferenceAccelerationCorrection, constraint_jacobian, mujoco
+from .versions import mass_matrix
 
 _PRELOAD_ITERATIONS = 6  # each gains the four digits of 1 - d, d the impedance
 _MOST_ITERATIONS = 3000  # where forces of redundant constraints drift
@@ -124,12 +125,10 @@ def _rigid_forces(model: Any, data: Any, unilateral: list[int], given: FloatArra
     rows = np.array([*equalities, *pushing], dtype=np.intp)
     if not len(rows) or (given is not None and len(given) != len(forces)):
         return forces
-    mass = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, mass)
     softness = data.efc_R[rows]
     root = np.sqrt(softness)
     scaled = constraint_jacobian(model, data)[rows] / root[:, None]
-    response = scaled @ np.linalg.solve(mass, scaled.T)
+    response = scaled @ np.linalg.solve(mass_matrix(model, data), scaled.T)
     change = (softness * forces[rows] - (0.0 if given is None else given[rows])) / root
     rigid = forces[rows] + np.linalg.pinv(response, _REDUNDANT, hermitian=True) @ change / root
     if (rigid[len(equalities) :] > 0).all():

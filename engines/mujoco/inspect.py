@@ -18,6 +18,7 @@ from .constraints import UnilateralConstraint, slot_contacts, stop_constraints
 from .options import MujocoOptions
 from .read import IN_PLANE, absolute_from_relative
 from .reference_acceleration import ReferenceAccelerationCorrection, mujoco
+from .versions import mass_matrix
 
 # The softness of a limit and the solver's tolerance are numerical options: a limit at rest carries the same torque
 # with any of them. With the hardest impedance MuJoCo takes, each round gains the four digits of 1 - d. With this
@@ -106,13 +107,11 @@ class _Built:
         data.qpos[:] = back @ (state.q - np.array(self.mechanism.start))
         data.qvel[:] = back @ state.u
         torques = self._torques_at_rest(state.closed)
-        mass = np.zeros((self.model.nv, self.model.nv))
-        mujoco.mj_fullM(self.model, data, mass)
         forces = data.qfrc_passive + data.qfrc_actuator + data.qfrc_applied - data.qfrc_bias
         return Dynamics(
             accelerations=self.sums @ data.qacc,
             stop_torques=torques,
-            mass_matrix=back.T @ mass @ back,
+            mass_matrix=back.T @ mass_matrix(self.model, data) @ back,
             forces=back.T @ forces,
             centres={body.name: data.body(self.names[body.name]).xipos[IN_PLANE] for body in self.mechanism.bodies},
             stop_gaps={name: constraint.gap(self.model, data) for name, constraint in self.constraints.items()},

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ...models.applied_forces import AppliedForces
 from ...models.arrays import FloatArray
-from ...models.force_elements import ConstantForce
+from ...models.force_elements import ConstantForce, SpringDamper
 from ...models.joints import GROUND, AnyJoint
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
@@ -27,6 +28,7 @@ from ...models.trajectory import PointMotion
 from ..contact_events import ContactEvents
 from ..protocol import Recording
 from .constraints import UnilateralConstraint
+from .versions import counts_tendons_in_reactions
 
 IN_PLANE = [0, 2]  # MuJoCo's x and z are our x and y
 
@@ -87,31 +89,32 @@ class _Reader:
         """A stop's torque [N m], or force [N] if it is on a point."""
         return constraint.torque(self.sensor(torque_sensor(stop))[:, 0], self.positions, self.model)
 
-    def reactions(self, q: FloatArray) -> dict[str, FloatArray]:
+    def reactions(self, q: FloatArray, u: FloatArray) -> dict[str, FloatArray]:
         """Forces on the children in the world frame [N]: MuJoCo gives those of the tree in the child's frame.
 
         A joint that closes a loop is on a massless welded body; MuJoCo's sensor gives the force on that body from the
         body it is welded to, the opposite of the joint's. Of the tree's joints it gives what the bodies beyond them
-        need besides the forces of gravity, contacts and springs; those of actuators are not taken off.
+        need besides the forces of gravity, contacts and (since 3.14) springs; those of actuators are not taken off.
         """
-        kinematics, constant = Kinematics(self.mechanism), self._constant_forces()
+        kinematics, left_out = Kinematics(self.mechanism), self._left_out(q, u)
         tree = {
-            joint.name: self._in_world(joint, kinematics, q) - constant.get(joint.name, 0.0)
+            joint.name: self._in_world(joint, kinematics, q) - left_out.get(joint.name, 0.0)
             for joint in self.mechanism.tree_joints
             if joint.held_directions
         }
         return tree | {joint.name: -self._in_world(joint, kinematics, q) for joint in self.mechanism.loop_joints}
 
-    def _constant_forces(self) -> dict[str, FloatArray]:
-        """Sum of the constant forces on all bodies beyond a joint of the tree [N], shape (2,)."""
+    def _left_out(self, q: FloatArray, u: FloatArray) -> dict[str, FloatArray]:
+        """Sum of the forces on all bodies beyond a joint of the tree that MuJoCo does not take off [N], (..., 2)."""
+        kinds = ConstantForce if counts_tendons_in_reactions() else (ConstantForce, SpringDamper)
+        elements = tuple(element for element in self.mechanism.force_elements if isinstance(element, kinds))
+        alone = self.mechanism.model_copy(update={"force_elements": elements})
         sums: dict[str, FloatArray] = {}
-        for element in self.mechanism.force_elements:
-            if not isinstance(element, ConstantForce):
-                continue
-            body = element.body
+        for name, force in AppliedForces(Kinematics(alone)).on_bodies(q, u).items():
+            body = name
             while body != GROUND:
                 joint = self.mechanism.joint_of(body)
-                sums[joint.name] = sums.get(joint.name, np.zeros(2)) + element.force
+                sums[joint.name] = sums.get(joint.name, 0.0) + force
                 body = joint.parent
         return sums
 
@@ -136,17 +139,17 @@ def recording(
     positions, speeds = states[:, 1 : 1 + n_q], states[:, 1 + n_q : 1 + n_q + n_v]
     reader = _Reader(mechanism, model, positions, speeds, np.concatenate(samples.sensors))
     sums = absolute_from_relative(mechanism, model)
-    q = np.array(mechanism.start) + positions @ sums.T
+    q, u = np.array(mechanism.start) + positions @ sums.T, speeds @ sums.T
     return Recording(
         t=np.concatenate(samples.times),
         q=q,
-        u=speeds @ sums.T,
+        u=u,
         markers=reader.markers(),
         kinetic_energy=reader.sensor(KINETIC_ENERGY)[:, 0],
         potential_energy=reader.sensor(POTENTIAL_ENERGY)[:, 0],
         stop_torques={name: reader.torque(name, constraint) for name, constraint in constraints.items()},
         release_times=events.releases,
-        joint_reactions=reader.reactions(q),
+        joint_reactions=reader.reactions(q, u),
         impacts=tuple(events.impacts),
         steps=samples.steps,
     )

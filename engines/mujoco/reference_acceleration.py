@@ -19,7 +19,6 @@ what is left is R times the change of f from one pass to the next.
 
 from __future__ import annotations
 
-import importlib
 import threading
 from collections.abc import Generator, Hashable
 from contextlib import contextmanager
@@ -32,8 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.arrays import FloatArray
-
-mujoco: Any = importlib.import_module("mujoco")  # it carries no types
+from .versions import mujoco
 
 CALLBACK = threading.RLock()  # MuJoCo has one callback for all models and threads of a process
 _SETTLING = 2  # forward passes after which R f is that of another state; each gains some four digits

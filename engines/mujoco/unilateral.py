@@ -20,8 +20,8 @@ from ..event_location import may_be_met, onto_zero_gap
 from ..impact import Inertia, resolve_impact
 from .options import MujocoOptions
 from .read import absolute_from_relative
-from .reference_acceleration import mujoco
 from .step import ROUNDING, Stepper
+from .versions import mass_matrix
 
 
 class UnilateralStepper(Stepper):
@@ -146,7 +146,7 @@ class UnilateralStepper(Stepper):
         """Change the speeds by the impact of all contacts that touch at a time [s]."""
         q, _ = self._coordinates(self._state())
         gaps = {name: self.kinematics.gap_jacobian(name, q) @ self.sums for name in touching}
-        inertia = Inertia(self._mass(), self._loops(q))
+        inertia = Inertia(mass_matrix(self.model, self.data), self._loops(q))
         # Loops and contacts are springs: a drift of 1e-11 m that was in balance with its rate before the impact is a
         # force of 1e-3 N after it, which takes some steps to settle.
         drift = np.append(self.kinematics.loop_residual(q), [self.kinematics.gap(name, q) for name in touching])
@@ -179,12 +179,6 @@ class UnilateralStepper(Stepper):
         self.active = list(rest)
         self._parted = self._parted - set(rest) | set(parting)
         self._release_those_that_pull(t)
-
-    def _mass(self) -> FloatArray:
-        """MuJoCo's full mass matrix of the present position, shape (n_v, n_v)."""
-        mass = np.zeros((self.model.nv, self.model.nv))
-        mujoco.mj_fullM(self.model, self.data, mass)
-        return mass
 
     def _loops(self, q: FloatArray) -> FloatArray:
         """Jacobian of the joints that close loops, shape (n_loops, n_v)."""

@@ -1,5 +1,6 @@
 """Newton: `ModelBuilder.add_mjcf`, moved by its `SolverMuJoCo` on the processor."""
 
+import xml.etree.ElementTree as ET
 from importlib.metadata import version
 
 import newton
@@ -29,7 +30,7 @@ class Model:
         for i in np.flatnonzero(in_tree):
             count = starts[i + 1] - starts[i]
             # A body's joints become one joint, whose label is that of all of them.
-            self.joints += [labels[i]] if count == 1 else labels[i].split("_")
+            self.joints += [labels[i]][:count] if count < 2 else _joints(path, labels[i])
             self.dofs += range(starts[i], starts[i + 1])
             self.places += range(coordinates[i], coordinates[i + 1])
         self.versions = {name: version(name) for name in ("newton", "warp-lang", "mujoco")}
@@ -72,6 +73,12 @@ class Model:
             all_of_them[places] = values
             array.assign(all_of_them)
         return state
+
+
+def _joints(path: str, label: str) -> list[str]:
+    """Names in the file of a body's joints, which became one."""
+    bodies = ([joint.get("name", "") for joint in body.findall("joint")] for body in ET.parse(path).iter("body"))
+    return next(names for names in bodies if "_".join(names) == label)
 
 
 def load(path: str) -> Model:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..joints import GROUND, FreeJoint, WeldJoint
+from ..joints import GROUND, FreeJoint, SlotJoint, WeldJoint
 from ..mechanism import Mechanism
 from ..stops import PointStop, Stop
 from .model import ZooModel
@@ -71,6 +71,14 @@ def _slide_on_link() -> Mechanism:
     return mechanism("slide-on-link", bodies, joints, (0.3, 0.1), start_speeds=(2.0, -0.5))
 
 
+def _turned_slide() -> Mechanism:
+    slot = SlotJoint(
+        name="slot", child="rod", parent_point=(0, 0), child_point=(0, 0), axis=(math.sin(0.5), math.cos(0.5)),
+        coordinate="s",
+    )  # fmt: skip
+    return rod("turned-slide", joint=slot, start=(0.8, 0.2), start_speeds=(2.0, 1.0))
+
+
 def _planar_free() -> Mechanism:
     free = FreeJoint(name="free", child="plate", coordinates=("x", "y"))
     return mechanism(
@@ -116,6 +124,9 @@ def joint_models() -> tuple[ZooModel, ...]:
         ZooModel("frame", "a frame element", _frame(), (of("pivot", -0.5, a=1),)),
         ZooModel("fixed-body", "a body without a joint", _fixed_body(), _PIVOT),
         ZooModel("slide-on-link", "a slide in a link that turns", _slide_on_link(), (*_PIVOT, *_RAIL)),
+        ZooModel(
+            "turned-slide", "a slide and a hinge on a turned body", _turned_slide(), (*_RAIL, of("pivot", -0.5, a=1))
+        ),
         ZooModel("planar-free", "two slides and a hinge on one body", _planar_free(), free),
         ZooModel("two-trees", "two bodies on the ground", _two_trees(), trees),
         ZooModel("start-speeds", "a start in motion", chain("start-speeds", 0.0, 0.0, speeds=(3.0, -2.0)), _ELBOW),

@@ -59,7 +59,7 @@ def mechanism(
 def rod(
     name: str,
     *,
-    start: float = 0.2,
+    start: float | tuple[float, ...] = 0.2,
     centre: Vector = ALONG_X,
     inertia: float = 0.06,
     mass: float = 2.0,
@@ -68,7 +68,8 @@ def rod(
 ) -> Mechanism:
     """A rod on a pin at the origin; its angle is `a`."""
     hinge = joint or pin("pivot", GROUND, "rod")
-    return mechanism(name, (body("rod", "a", mass, centre, inertia),), (hinge,), (start,), **changes)
+    started = start if isinstance(start, tuple) else (start,)
+    return mechanism(name, (body("rod", "a", mass, centre, inertia),), (hinge,), started, **changes)
 
 
 def block(name: str, axis: Vector = (0, 1), *, start: float = 0.0, mass: float = 2.0, **changes: Any) -> Mechanism:

@@ -64,7 +64,9 @@ def test_a_file_is_its_mechanism(model: ZooModel) -> None:
     assert tuple(mujoco.MjModel.from_xml_string(model.xml).joint(i).name for i in range(len(model.joints))) == (
         model.joint_names
     )
-    assert _largest_difference(model, model.mechanism) < 1e-12
+    # Up to MuJoCo 3.7 at least, its compiler finds the principal axes of a full tensor to 1e-8 only.
+    old = model.name == "full-inertia" and tuple(map(int, mujoco.__version__.split(".")[:2])) < (3, 17)
+    assert _largest_difference(model, model.mechanism) < (1e-7 if old else 1e-12)
 
 
 @pytest.mark.parametrize("name", ["hinge", "spatial-spring", "nested-frames"])
