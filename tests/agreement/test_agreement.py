@@ -49,36 +49,38 @@ def test_named_machines_agree(engine_name: str, model: str) -> None:
     assert not run.unjudged and len(run.judged) >= 10
 
 
-def _rows() -> Iterator[tuple[str, list[str]]]:
-    model = ""
+def _rows() -> Iterator[tuple[str, dict[str, str]]]:
+    model, heads = "", list[str]()
     for line in PAGE.read_text().splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
         if line.startswith("**") and line.endswith(" machine**"):
             model = line.strip("*").split()[0].lower()
         elif line.startswith("<!-- end"):
             model = ""
-        elif model and line.startswith("| ") and not line.startswith("| engine"):
-            yield model, [cell.strip() for cell in line.strip("|").split("|")]
+        elif model and line.startswith("| engine"):
+            heads = cells
+        elif model and line.startswith("| "):
+            yield model, dict(zip(heads, cells, strict=True))
 
 
 def test_the_table_of_the_page(engine_name: str) -> None:
     if engine_name == "reference":
-        assert not [row for _, row in _rows() if row[0].startswith("reference")]
+        assert not [row for _, row in _rows() if row["engine"].startswith("reference")]
         return
     results = table_one(engine_name).results
-    rows = [(model, row) for model, row in _rows() if row[0].split()[0] == engine_name]
+    rows = [(model, row) for model, row in _rows() if row["engine"].split()[0] == engine_name]
     shown = [run for run in results.runs if run.model in ("fixed", "rolling") or run.preset == "tuned"]
-    assert [(model, row[0]) for model, row in rows] == [(run.model, run.label) for run in shown]
+    assert [(model, row["engine"]) for model, row in rows] == [(run.model, run.label) for run in shown]
     for model, row in rows:
         machine = next(machine for machine in results.machines if machine.model == model)
-        run = next(run for run in results.runs if (run.model, run.label) == (model, row[0]))
-        for column, printed in zip(quantities(machine), row[2:], strict=True):
-            found = column.value(run)
-            if not printed:
-                assert found is None  # a machine without stops has no torque
-                continue
-            assert found is not None
-            factor = ROUNDING if found < 1e-7 or column.unit == "N m" else FACTOR
-            assert float(printed.split()[0]) == pytest.approx(found, rel=factor - 1), (model, row[0], column.title)
+        run = next(run for run in results.runs if (run.model, run.label) == (model, row["engine"]))
+        for quantity in quantities(machine):
+            # A machine without stops has no torque, and a table has no column without any value.
+            found, printed = quantity.value(run), row.get(quantity.column.heading, "")
+            assert (found is None) == (printed == ""), (model, row["engine"], quantity.title)
+            if found is not None:
+                factor = ROUNDING if found < 1e-7 or quantity.unit == "N m" else FACTOR
+                assert float(printed.split()[0]) == pytest.approx(found, rel=factor - 1), (model, row, quantity.title)
 
 
 STOCK_POSITIONS = {"reference": 1e-6, "mujoco": 1e-2, "pymunk": 0.5, "exudyn": 5e-3}
