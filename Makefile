@@ -20,6 +20,7 @@ $(VENV)/installed: $(SOURCES) constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt ".[test,lint]"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps .
+	rm -rf build *.egg-info
 	touch $@
 
 report: $(VENV)/installed

@@ -1,7 +1,4 @@
-"""An engine of one's own: rigid bodies in Cartesian coordinates, integrated by SciPy (docs/plugins.md builds it up).
-
-`pytest --trebucheck own_engine:ScipyBodies` in this folder runs the suite on it; as a script it throws.
-"""
+"""An engine of one's own: rigid bodies in Cartesian coordinates, integrated by SciPy (docs/plugins.md builds it up)."""
 
 from __future__ import annotations
 
@@ -39,7 +36,7 @@ class ScipyBodies(BuiltinEngine):
         held = model.pushing(closed, y)
         released: dict[str, float | None] = {name: None if name in held else 0.0 for name in closed}
         while t < problem.duration:
-            solved = solve_ivp(
+            solved: Any = solve_ivp(
                 model.rates, (t, problem.duration), y, "DOP853", args=(held,),
                 dense_output=True, events=[*map(model.opening, held)], rtol=self.rtol, atol=self.rtol, max_step=0.05,
             )  # fmt: skip
@@ -97,7 +94,7 @@ class Bodies:
         """Step 3: accelerations, and the forces of pins (on the child, in the world) and closed stops (>= 0)."""
         x, v = np.split(y, 2)
         ends = [(self.at(j.child, j.child_point, x, v), self.at(j.parent, j.parent_point, x, v)) for j in self.m.joints]
-        stops = [self.m.stop(name) for name in held]
+        stops = [stop for stop in map(self.m.stop, held) if isinstance(stop, tb.Stop)]
         turns = np.zeros((len(stops), len(x) + 3))  # its three columns come last, and are cut off
         for row, stop in zip(turns, stops, strict=True):
             row[self.index.get(stop.relative_to, -3) + 2], row[self.index[stop.body] + 2] = -stop.sense, stop.sense
@@ -111,11 +108,8 @@ class Bodies:
 
     def pushing(self, held: list[str], y: np.ndarray) -> list[str]:
         """Those of the closed stops that push; one that would have to pull has opened."""
-        while held:
-            least, name = min((self.solved(y, held)[1][f"stop {name}"], name) for name in held)
-            if least >= 0:
-                break
-            held = [each for each in held if each != name]
+        while held and (least := min((self.solved(y, held)[1][f"stop {name}"], name) for name in held))[0] < 0:
+            held = [name for name in held if name != least[1]]
         return held
 
     def rates(self, _: float, y: np.ndarray, held: Sequence[str]) -> np.ndarray:
@@ -124,7 +118,11 @@ class Bodies:
 
     def opening(self, name: str) -> Any:
         """When the torque of a stop falls through zero; solve_ivp locates it inside its step."""
-        event: Any = lambda _, y, held: self.solved(y, held)[1][f"stop {name}"]  # noqa: E731
+
+        def torque(_: float, y: np.ndarray, held: Sequence[str]) -> float:
+            return float(self.solved(y, held)[1][f"stop {name}"])
+
+        event: Any = torque
         event.terminal, event.direction = True, -1
         return event
 
