@@ -222,7 +222,7 @@ def initial_state(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
 def immovable_stops(mechanism: Mechanism) -> tuple[str, ...]:
     """Stops whose gap no coordinate changes: between bodies that are welded to each other, or across a rail.
 
-    They have no part in the motion.
+    They have no part in the motion. A stop of a body against itself is none of them: it is an error of the description.
     """
     if not mechanism.stops:
         return ()
@@ -233,7 +233,7 @@ def immovable_stops(mechanism: Mechanism) -> tuple[str, ...]:
         rows = np.abs(kinematics.gap_jacobian(stop, q))
         return bool((rows > _ROUNDING * kinematics.gaps[stop].amplitudes).any())
 
-    return tuple(stop.name for stop in mechanism.stops if not moves(stop.name))
+    return tuple(stop.name for stop in mechanism.stops if stop.body != stop.relative_to and not moves(stop.name))
 
 
 def without_stops(mechanism: Mechanism, names: Collection[str]) -> Mechanism:

@@ -20,8 +20,6 @@ from ..models.arrays import FloatArray
 
 _DEPENDENT = 1e-6  # of the largest singular value of S: loops need to close to 1e-9 m, and S is as far off
 
-_ROUNDING = 1e-12  # a gap between two bodies that are welded to each other has a row of rounding errors
-
 
 @dataclass(frozen=True)
 class Scales:
@@ -33,7 +31,7 @@ class Scales:
     def rank(self, jacobian: FloatArray) -> int:
         """Number of independent constraints in one position."""
         values = np.linalg.svd(self._scaled(jacobian), compute_uv=False)
-        return int((values > max(_DEPENDENT * values.max(initial=0.0), _ROUNDING)).sum())
+        return int((values > _DEPENDENT * values.max(initial=0.0)).sum())
 
     def basis(self, jacobian: FloatArray, rank: int) -> Basis:
         """The basis of constraints of a known rank, in positions (...)."""

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -32,7 +33,7 @@ import numpy as np
 from ..models.applied_forces import AppliedForces
 from ..models.arrays import ComplexArray, FloatArray
 from ..models.errors import SimulationError
-from ..models.kinematics import Kinematics
+from ..models.kinematics import Kinematics, immovable_stops
 from ..models.mechanism import Mechanism
 from ..models.scalar_functions import AngleFunction, PointFunction, ScalarFunction
 from .compiled import CompiledEquations, compiled_equations, not_unique
@@ -222,7 +223,14 @@ class Equations:
         inertia = np.diag(self._products).real + np.diag(self._inertias)
         for k, c in self.kinematics.carried:  # with the slide at 1 m
             inertia[c] += inertia[k]
-        return scales_of(inertia, np.array([f.amplitudes for f in functions]).reshape(-1, len(inertia)))
+        scales = scales_of(inertia, np.array([f.amplitudes for f in functions]).reshape(-1, len(inertia)))
+        # A gap that nothing changes has a row of rounding errors, which would count as independent.
+        idle = np.array([False] * self.n_loops + [name in self._immovable for name in closed])
+        return replace(scales, rows=np.where(idle, 0.0, scales.rows))
+
+    @cached_property
+    def _immovable(self) -> frozenset[str]:
+        return frozenset(immovable_stops(self.mechanism))
 
     def rank(self, q: FloatArray, closed: Sequence[str]) -> int:
         """Number of independent constraints in one position, shape (n_q,)."""

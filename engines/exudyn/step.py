@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.errors import InputError
+from ...models.errors import InputError, SimulationError
 from ...models.kinematics import Kinematics
 from ...models.problem import Problem, StopLaw
 from ..contact_events import SAME_TIME, ContactEvents, Contacts, active_contacts, resting
@@ -226,6 +226,12 @@ class _UnilateralMotion(_Motion):
 
     def _segment(self, state: State, active: Contacts) -> Segment:
         """Move to the next release or impact, or to the end."""
+        try:
+            return self._to_next_event(state, active)
+        except SimulationError as error:
+            raise SimulationError(f"{error}{self._rebounds_within_a_step()}") from None
+
+    def _to_next_event(self, state: State, active: Contacts) -> Segment:
         table = self.solver.run(
             state, active, self.duration, self._steps_from(state), lambda _: self._is_undisturbed(active)
         )
@@ -235,6 +241,13 @@ class _UnilateralMotion(_Motion):
         if opened and opened[0][-1, 0] < first:
             return self._opened(*opened, active)
         return self._continued(table, active) if name is None else self._after_impact(shortest, active, name)
+
+    def _rebounds_within_a_step(self) -> str:
+        """A sentence on the last two impacts where they are nearer to each other than a step is long, else ''."""
+        times, step = [time for time, _ in self.events.impacts[-2:]], self.options.timestep
+        if len(times) < 2 or times[1] - times[0] >= step:
+            return ""
+        return f" Its last two impacts are {times[1] - times[0]:.2g} s apart, within a time step of {step:.2g} s."
 
     def _first_opened(self, table: FloatArray, active: Contacts) -> tuple[FloatArray, str] | None:
         """The stop that opens in the last step of a table, if one does, and a table up to there."""

@@ -1,6 +1,7 @@
 """MJX on the processor, in double precision: `put_model`, `forward`, `step`."""
 
 import sys
+import warnings
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -21,8 +22,8 @@ class Model(Compiled):
     """A model on a device; what the file says is that of the compiled one."""
 
     def __init__(self, path: str) -> None:
-        super().__init__(mujoco.MjModel.from_xml_path(path))
-        self.device_model = mjx.put_model(self.model)
+        model, self.device_model = _put(path)
+        super().__init__(model)
         self.blank = mjx.make_data(self.model)
         self.versions |= {"mujoco-mjx": version("mujoco-mjx"), "jax": jax.__version__}
         self._forward = jax.jit(mjx.forward)
@@ -52,6 +53,21 @@ def _run(model: mjx.Model, data: mjx.Data, count: int, steps: int) -> tuple[jax.
         return data, (data.qpos, data.qfrc_constraint)
 
     return jax.lax.scan(sample, data, None, length=count)[1]
+
+
+def _put(path: str) -> tuple[mujoco.MjModel, mjx.Model]:
+    """The model, compiled and on the device; without its sensors where MJX has not all of them."""
+    spec = mujoco.MjSpec.from_file(path)
+    model = spec.compile()
+    try:
+        return model, mjx.put_model(model)
+    except NotImplementedError as refusal:
+        for sensor in list(spec.sensors):
+            spec.delete(sensor)
+        model = spec.compile()
+        put = mjx.put_model(model)
+        warnings.warn(f"refused with its sensors, loaded without them: {refusal}", stacklevel=2)
+        return model, put
 
 
 def load(path: str) -> Model:
