@@ -57,6 +57,7 @@ from trebucheck.models.mjcf.writer import write_model_folder
 from trebucheck.models.problems.benchmark import Benchmark
 from trebucheck.models.problems.registry import benchmarks
 from trebucheck.models.spec import schema_text
+from trebucheck.models.zoo.registry import zoo
 from trebucheck.paper.evidence.claims import Study
 from trebucheck.paper.report import summary
 from trebucheck.paper.study import study
@@ -312,6 +313,24 @@ def write_trajectories() -> None:
     publish_zoo(ROOT / "models" / "zoo" / "files")
 
 
+def write_zoo_list() -> None:
+    """The list of the zoo's models."""
+    rows = [(f"[{each.name}](files/{each.name}.xml)", each.feature, ", ".join(each.needs) or "") for each in zoo()]
+    listed = markdown.text(Document("", (table(["model", "what it has", "needs"], rows),)))
+    (ROOT / "models" / "zoo" / "README.md").write_text(_ZOO.format(count=len(rows)) + listed.strip() + "\n")
+
+
+_ZOO = """<!-- written by docs/generate.py -->
+# Small MJCF models of one feature each
+
+{count} files, each written by hand, with the certified motion of the mechanism that it is: `files/NAME.nc` has joint
+values, uncertainties, mass matrix and accelerations at three states, and forces of limits and contacts at rest.
+`trebucheck importer my_package:load` holds an importer against them; what importers make of them:
+[docs/importers.md](../../docs/importers.md). *Needs*: what it takes to move one, beside a tree's equations of motion.
+
+"""
+
+
 def write_mjcf() -> None:
     """The machines' MJCF, with the events of their certified motions and pictures."""
     for name in models():
@@ -328,6 +347,7 @@ PARTS: dict[str, Callable[[], None]] = {
     "problems": write_problems,
     "engines": write_engines_on_problems,
     "trajectories": write_trajectories,
+    "zoo": write_zoo_list,
     "mjcf": write_mjcf,
     "agreement": write_agreement,
     "paper": write_paper,
