@@ -57,7 +57,7 @@ importers: $(VENV)/installed
 	$(PYTHON) importers/run.py $(abspath $(BIN)/trebucheck) $(IMPORTERS)
 	$(BIN)/python docs/generate.py importers
 
-LEAST_MUJOCO := 3.3.6
+LEAST_MUJOCO := 3.13.0
 mujoco3:
 	test -x .mujoco3/bin/python || $(PYTHON) -m venv .mujoco3
 	grep -v '^mujoco' constraints.txt > .mujoco3/constraints.txt
