@@ -21,13 +21,12 @@ from ..models.errors import UnsupportedProblemError
 from ..models.kinematics import Kinematics, initial_state
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem, StopLaw
-from ..models.stops import Stop
 from .constrained import ConstrainedDynamics, Solved, subtree_sums
 from .contact_events import Contacts
 from .event_driver import Observation
 from .inspection import Dynamics, Inspection
 from .inspection import State as Asked
-from .joint_coordinates import JointCoordinates
+from .joint_coordinates import JointCoordinates, Limit
 from .schemes import State
 
 
@@ -170,28 +169,23 @@ class JointLimits:
     """
 
     def __init__(self, coordinates: JointCoordinates, engine: str) -> None:
-        self.places: dict[str, tuple[int, int]] = {}
+        self.limits: dict[str, Limit] = {}
+        for stop in coordinates.mechanism.stops:
+            limit = coordinates.limit(stop)
+            if limit is None:
+                text = f"{engine} has limits on joints alone, and stop {stop.name!r} is on none."
+                raise UnsupportedProblemError(text)
+            self.limits[stop.name] = limit
+
+    @property
+    def places(self) -> dict[str, tuple[int, int]]:
         """Of each stop its joint coordinate, and the sense in which it pushes it."""
-        joints = {
-            frozenset((freedom.joint.child, freedom.joint.parent)): (index, freedom.joint.child)
-            for index, freedom in enumerate(coordinates.freedoms)
-            if freedom.direction is None
-        }
-        self.stops = {stop.name: stop for stop in coordinates.mechanism.stops}
-        for name, stop in self.stops.items():
-            place = joints.get(frozenset((stop.body, stop.relative_to)))
-            if not isinstance(stop, Stop) or place is None:
-                raise UnsupportedProblemError(f"{engine} has limits on joints alone, and stop {name!r} is on none.")
-            self.places[name] = place[0], stop.sense if stop.body == place[1] else -stop.sense
+        return {name: (limit.index, limit.sense) for name, limit in self.limits.items()}
 
     def ranges(self, names: Collection[str]) -> dict[int, tuple[float, float]]:
         """Of each joint coordinate that has stops the range that those named leave it."""
-        found = {index: (-np.inf, np.inf) for index, _ in self.places.values()}
-        for name in names:
-            (index, sense), limit = self.places[name], self.stops[name].position
-            low, high = found[index]
-            found[index] = (max(low, limit), high) if sense > 0 else (low, min(high, -limit))
-        return found
+        free = {limit.index: (-np.inf, np.inf) for limit in self.limits.values()}
+        return free | Limit.ranges(self.limits[name] for name in names)
 
 
 _ROUNDING = 1e-9  # of the largest term of a limit's torque: what is left of it by rounding

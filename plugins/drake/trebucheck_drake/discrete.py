@@ -9,6 +9,7 @@ import numpy as np
 from trebucheck.engines.constrained import subtree_sums
 from trebucheck.engines.event_driver import Observation
 from trebucheck.engines.joint_coordinates import Limit
+from trebucheck.engines.joint_tree import JointLimits
 from trebucheck.engines.plain_run import plain_run
 from trebucheck.engines.protocol import Recording
 from trebucheck.engines.schemes import State
@@ -93,19 +94,12 @@ class Motion:
 
 def _limits(built: Built) -> dict[str, tuple[Any, int]]:
     """Set the limits of the plant's joints; of each stop, its joint and the sense in which it turns it."""
-    mechanism, limits = built.mechanism, dict[str, Limit]()
-    loops = [joint.name for joint in mechanism.loop_joints]
+    loops = [joint.name for joint in built.mechanism.loop_joints]
     if loops:
         raise UnsupportedProblemError(
             f"drake's discrete plant does not tell the forces of the constraints that close loops ({', '.join(loops)})."
         )
-    for stop in mechanism.stops:
-        limit = built.coordinates.limit(stop)
-        if limit is None:
-            raise UnsupportedProblemError(
-                f"drake's discrete plant has limits on joints alone, and stop {stop.name!r} is on none."
-            )
-        limits[stop.name] = limit
+    limits = JointLimits(built.coordinates, "drake's discrete plant").limits
     for index, (low, high) in Limit.ranges(limits.values()).items():
         built.moving[index].set_position_limits([low], [high])
     return {name: (built.moving[limit.index], limit.sense) for name, limit in limits.items()}
