@@ -56,10 +56,14 @@
     return axis.logarithmic ? {...options, type: "log", ...ticks(domain)} : {...options, ticks: 5, tickFormat: undefined};
   }
 
-  // A logarithmic axis labels powers of ten; one that spans few of them has plain numbers.
+  // A logarithmic axis labels powers of ten; one with fewer than two of them plain numbers, given one by one: of three
+  // ticks within less than a decade the library may leave out every label.
   function ticks([low, high]) {
-    const decades = Math.log10(high / low);
-    if (decades < 1.2) return {ticks: 3, tickFormat: number};
+    const inside = (digits) => d3.scaleLog([low, high], [0, 1]).ticks(10).filter((v) => digits.some((d) => isPower(v / d)));
+    if (inside([1]).length < 2) {
+      const coarse = inside([1, 2, 5]);
+      return {ticks: coarse.length < 2 ? d3.ticks(low, high, 3) : coarse, tickFormat: number};
+    }
     const near = low >= 1e-3 && high <= 1e4;
     return {ticks: 6, tickFormat: near ? (v) => (isPower(v) ? number(v) : "") : power};
   }
