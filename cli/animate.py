@@ -12,8 +12,8 @@ from ..models.errors import InputError, TrebucheckError
 from . import options, output
 
 if TYPE_CHECKING:
-    from ..comparisons.runs.runner import Worker
     from ..comparisons.runs.study import Study
+    from ..comparisons.runs.worker import Worker
     from ..models.drawing.scene import Scene
     from ..models.mechanism import Mechanism
     from ..models.trajectory import Trajectory
@@ -70,8 +70,8 @@ def animate_command(
 
     trebucheck animate fixed --at 0,1.5,2.74 --out fixed.svg
     """
-    from ..comparisons.runs.runner import Worker
     from ..comparisons.runs.study import Study, one_end
+    from ..comparisons.runs.worker import Worker
     from ..models.drawing.animation import Animation, refuse_other_files
     from ..models.drawing.scene import refuse_magnification
 

@@ -36,7 +36,7 @@ def problems_command(
     """
     from ..comparisons.problems.check import check
     from ..comparisons.problems.report import document, listing
-    from ..comparisons.runs.runner import Worker
+    from ..comparisons.runs.worker import Worker
     from ..models.problems.registry import benchmark, benchmarks
 
     if name is None:

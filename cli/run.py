@@ -52,8 +52,9 @@ def run_command(
     trebucheck run --engine pymunk --preset stock --option iterations=30
     """
     from ..comparisons.report.sections import run_report
-    from ..comparisons.runs.runner import Runner, Worker, simulate
+    from ..comparisons.runs.runner import Runner
     from ..comparisons.runs.study import Study, one_end
+    from ..comparisons.runs.worker import Worker, simulate
     from ..models.files import refuse_unwritable
     from ..models.problem import Problem
     from ..models.trajectory import save

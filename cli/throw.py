@@ -13,7 +13,7 @@ from ..models.errors import InputError
 from . import options, output
 
 if TYPE_CHECKING:
-    from ..comparisons.runs.runner import Worker
+    from ..comparisons.runs.worker import Worker
     from ..reference.throw.figures import Performance, Throw
 
 ReleaseAngle = Annotated[
@@ -75,7 +75,7 @@ def throw_command(
 
     trebucheck throw --model my-machine.json --sensitivities
     """
-    from ..comparisons.runs.runner import Worker
+    from ..comparisons.runs.worker import Worker
     from ..comparisons.throw.report import document
     from ..models.files import refuse_unwritable
     from ..reference.throw.throw import perform

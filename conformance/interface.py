@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..comparisons.runs.runner import Worker, simulate
 from ..comparisons.runs.validity import refuse_invalid
+from ..comparisons.runs.worker import Worker, simulate
 from ..engines.protocol import Capabilities, Engine
 from ..engines.registry import EngineClass, engine, engine_class
 from ..models.errors import InputError, SimulationError, TrebucheckError, UnsupportedProblemError
@@ -52,10 +52,27 @@ class _Subject:
 
     def short(self, problem: str, made: Engine) -> Trajectory:
         """A short run of a problem."""
-        mechanism, law = given(problem)
-        duration = _SPAN if made.timestep is None else _SHORT * made.timestep
-        found = self.worker.call(simulate, made, Problem(mechanism, duration=duration, stop_law=law))
-        return refuse_invalid(self.name, found, mechanism, self.cls.capabilities)
+        asked = _shortened(problem, made)
+        return self.valid(self.worker.call(simulate, made, asked), asked)
+
+    def valid(self, found: Trajectory, asked: Problem) -> Trajectory:
+        """The trajectory, unless it is not whole."""
+        return refuse_invalid(self.name, found, asked.mechanism, self.cls.capabilities)
+
+
+def _shortened(problem: str, made: Engine) -> Problem:
+    mechanism, law = given(problem)
+    duration = _SPAN if made.timestep is None else _SHORT * made.timestep
+    return Problem(mechanism, duration=duration, stop_law=law)
+
+
+def _first_and_last(made: Engine, problems: Sequence[Problem]) -> tuple[Trajectory, Trajectory]:
+    """Runs of several problems in one process; what those between come to is said by checks of their own."""
+    first = made.simulate(problems[0])
+    for problem in problems[1:-1]:
+        with suppress(Exception):
+            made.simulate(problem)
+    return first, made.simulate(problems[-1])
 
 
 def presets_of(name: str, cls: EngineClass) -> Mapping[str, Callable[..., object]]:
@@ -145,11 +162,12 @@ def _is_the_same_again(s: _Subject) -> str:
     fit, made = s.fitting, s.made()
     if not fit:
         return _NONE_FITS
-    first = s.short(fit[0], made)
-    if len(fit) > 1:
-        with suppress(TrebucheckError):  # the checks of that problem say it
-            s.short(fit[1], made)
-    for label, one, other in _sampled(first, s.short(fit[0], made)):
+    asked = [_shortened(problem, made) for problem in (*fit[:2], fit[0])]
+    try:
+        runs = s.worker.call(_first_and_last, made, asked)
+    except SimulationError:  # perhaps of the problem between them
+        runs = s.worker.call(_first_and_last, made, [asked[0], asked[-1]])
+    for label, one, other in _sampled(*(s.valid(run, asked[0]) for run in runs)):
         if one.shape != other.shape:
             raise _BrokenError(
                 f"{fit[0]}: {label} has the shape {other.shape} in a second run, {one.shape} in the first"

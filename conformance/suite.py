@@ -1,4 +1,7 @@
-"""The checks of one engine: each problem is run once, in a process, when the first of its checks is asked for."""
+"""The checks of one engine: each problem is run once, when the first of its checks is asked for.
+
+Whatever the engine does there, it does in processes of their own: no problem's verdict depends on what another one did.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,8 @@ from ..comparisons.compare.machine import Case, MachineRuns, RunRecord
 from ..comparisons.compare.sentences import diagnosis
 from ..comparisons.report.numbers import format_number
 from ..comparisons.runs.results import Metric, Outcome, Run
-from ..comparisons.runs.runner import Worker
 from ..comparisons.runs.study import Study
+from ..comparisons.runs.worker import Worker
 from ..engines.protocol import Capabilities, Engine
 from ..engines.registry import announce, engine_class
 from ..models.errors import InputError, TrebucheckError
@@ -25,7 +28,6 @@ INTERFACE = "interface"
 _DIAGNOSED = (
     2  # broken problems of an engine whose cause is looked for: a diagnosis may take ten times as long as a run
 )
-_HOPELESS = 2  # runs that did not come to an end, after which no further one is begun
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ class Suite:
         references: shared by the suites of a session.
         timeout: longest wait for one run [s].
         required: whether an engine that is not installed fails.
-        isolate: run it in a process of its own.
+        isolate: make each call of it in a process of its own.
     """
 
     def __init__(
@@ -93,9 +95,9 @@ class Suite:
         isolate: bool = True,
     ) -> None:
         self.target, self.problems, self.required = target, tuple(problems), required
-        self._references, self._worker = references or References(), Worker(timeout, isolate)
+        self._references, self._worker = references or References(), Worker(timeout, isolate, fresh=True)
         self._known: dict[str, dict[str, Verdict]] = {}
-        self._diagnosed = self._unfinished = 0
+        self._diagnosed = 0
         self.ids = tuple(self._id(problem, check) for problem, checks in self._checks.items() for check in checks)
         """Of all checks, in their order."""
 
@@ -153,8 +155,6 @@ class Suite:
         lacking = missing(*given(problem), self.capabilities)
         if lacking:
             return self._all(problem, State.SKIPPED, f"it has no {', no '.join(lacking)}")
-        if self._unfinished >= _HOPELESS:
-            return self._failed(problem, f"not run: {self._unfinished} runs before it did not come to an end")
         return self._run(problem)
 
     def _all(self, problem: str, state: State, text: str) -> dict[str, Verdict]:
@@ -177,7 +177,6 @@ class Suite:
             return self._failed(problem, f"the engine cannot be made: {error}")
         run = self._made(runs, problem, own)
         if run.outcome is Outcome.FAILED:
-            self._unfinished += "did not finish" in (run.message or "")
             return self._failed(problem, f"{run.message}")
         if run.outcome is Outcome.UNSUPPORTED:
             return self._failed(problem, f"it refuses what it declares: {run.message}")

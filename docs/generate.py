@@ -47,9 +47,9 @@ from trebucheck.comparisons.report.document import Document, table, without_empt
 from trebucheck.comparisons.report.figures import picture, write_picture
 from trebucheck.comparisons.report.plots import Axis, Panels, Plot
 from trebucheck.comparisons.runs.results import Results
-from trebucheck.comparisons.runs.runner import Worker, simulate
 from trebucheck.comparisons.runs.scales import scales_until
 from trebucheck.comparisons.runs.stretching import stretching_until
+from trebucheck.comparisons.runs.worker import Worker, simulate
 from trebucheck.models.machines.registry import models
 from trebucheck.models.mechanism import mechanism_schema
 from trebucheck.models.mjcf.recorded import RECORDED_FILE

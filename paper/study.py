@@ -20,8 +20,9 @@ from typing import Any
 
 from pydantic import JsonValue
 
-from ..comparisons.runs.runner import Worker, failure
+from ..comparisons.runs.runner import failure
 from ..comparisons.runs.study import Counter, Progress
+from ..comparisons.runs.worker import Worker
 from ..engines.registry import engine, engine_class, engine_names
 from ..models.errors import InputError
 from ..models.machines.parameters import TrebuchetParameters

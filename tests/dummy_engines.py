@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
+import math
 import os
+import signal
+import sys
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
@@ -100,17 +105,40 @@ class Remembering(Everything):
         )  # fmt: skip
 
 
+def _corrupt() -> None:
+    """Change whatever a process has one of."""
+    os.chdir("/")
+    os.environ.clear()
+    sys.path.clear()
+    sys.setrecursionlimit(150)
+    warnings.simplefilter("error")
+    np.seterr(all="raise")
+    np.random.seed(1)
+    np.interp = math.sqrt = None  # type: ignore[assignment]
+    np.linalg.solve = lambda *_: np.zeros(1)  # type: ignore[assignment]
+    Everything.simulate = Echo.simulate = None  # type: ignore[assignment,method-assign]
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+
+
+FAULTS: dict[str, Callable[[], object]] = {
+    "incline": _corrupt,
+    "catapult": lambda: ctypes.string_at(0),
+    "bead": lambda: time.sleep(3600),
+}
+"""What is done after a motion, by its problem."""
+
+
 class Fragile(Everything):
-    """Takes its process down with one problem, and never comes to an end with another one, but in short runs."""
+    """Moves rightly, and does something terrible to its process after some motions, but short ones."""
 
     name = "fragile"
 
     def simulate(self, problem: tb.Problem) -> tb.Trajectory:
-        if problem.mechanism.name == "catapult" and problem.duration > 0.25:
-            os.abort()
-        if problem.mechanism.name == "bead":
-            time.sleep(3600)
-        return super().simulate(problem)
+        found = super().simulate(problem)
+        fault = FAULTS.get(problem.mechanism.name)
+        if fault is not None and problem.duration > 0.25:
+            fault()
+        return found
 
 
 class Forgetful(Everything):

@@ -14,8 +14,9 @@ import trebucheck as tb
 from scipy.optimize import brentq
 from trebucheck.comparisons.compare import machine as comparing
 from trebucheck.comparisons.runs.results import Outcome, Run
-from trebucheck.comparisons.runs.runner import Runner, Worker
+from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.until import Until
+from trebucheck.comparisons.runs.worker import Worker
 from trebucheck.engines import registry
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.models.kinematics import Kinematics

@@ -22,10 +22,11 @@ from ..diagnosis.motion import diagnose_motion
 from ..report.numbers import format_number
 from ..runs.pairs import Compared, pair_of
 from ..runs.results import Diagnosis, Equality, Machine, Outcome, Pair, Run, SingularPosition, verdict_on
-from ..runs.runner import Runner, Worker, failure, simulate
+from ..runs.runner import Runner, failure
 from ..runs.store import conditions, digest
 from ..runs.study import Study
 from ..runs.tolerances import Needs, is_table_one, judge
+from ..runs.worker import Worker, simulate
 
 
 @dataclass(frozen=True)

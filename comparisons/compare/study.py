@@ -18,9 +18,9 @@ from ...models.spec import Spec
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 from ..runs.results import Results
-from ..runs.runner import Worker
 from ..runs.store import Store
 from ..runs.study import PRESETS, OnDemand, Study, in_order, one_end
+from ..runs.worker import Worker
 from .machine import Case, FailedMachine, MachineRuns, MadeRun, RunRecord
 
 

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...comparisons.runs.runner import Worker
+from ...comparisons.runs.worker import Worker
 from ...engines.registry import engine
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError

@@ -20,8 +20,9 @@ from typing import TypeVar
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-from ...comparisons.runs.runner import Worker, failure
+from ...comparisons.runs.runner import failure
 from ...comparisons.runs.tolerances import StatedTolerance, is_table_one, tolerance_for
+from ...comparisons.runs.worker import Worker
 from ...engines.protocol import Engine
 from ...engines.registry import engine
 from ...models.arrays import FloatArray

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...comparisons.runs.runner import Worker
+from ...comparisons.runs.worker import Worker
 from ...engines.protocol import Engine
 from ...engines.registry import engine
 from ...models.arrays import FloatArray

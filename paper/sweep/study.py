@@ -12,7 +12,7 @@ from pydantic import Field
 from scipy.optimize import brentq
 from scipy.stats import linregress
 
-from ...comparisons.runs.runner import Worker
+from ...comparisons.runs.worker import Worker
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
 from ...models.machines.parameters import TrebuchetParameters

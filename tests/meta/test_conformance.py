@@ -7,7 +7,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -103,19 +103,31 @@ def test_a_right_engine_keeps_everything_and_what_it_lacks_is_named() -> None:
     assert len(judged) > 20 and all(v.error is not None and v.source and v.unit for v in judged)
 
 
+_ENDS = {
+    "catapult": "crashed: its process ended by itself (SIGSEGV)",
+    "bead": "did not finish within 1 s",
+}
+"""What is said of a problem with which an engine does this to its process."""
+
+
 @pytest.mark.slow
-def test_a_crash_or_a_hang_fails_its_problem_and_nothing_else() -> None:
-    target = Target.of("dummy_engines:Fragile")
-    with Suite(target, ("catapult", "incline", "bead"), REFERENCES) as suite:
-        ids = [id for id in suite.ids if "/bead/" not in id]
-        found = [suite.verdict(id) for id in ids]
-        suite._worker.timeout = 1.0  # the process has started, and the others have run
-        found += [suite.verdict(id) for id in suite.ids if id not in ids]
-    failed = {verdict.id: verdict.text for verdict in found if verdict.failed}
-    assert list(failed) == [f"{target.label}/{problem}/runs" for problem in ("catapult", "bead")]
-    assert ["crashed" in text for text in failed.values()] == [True, False]
-    assert "did not finish within 1 s" in failed[f"{target.label}/bead/runs"]
-    assert {v.state for v in found if v.problem == "incline"} == {State.KEPT, State.SKIPPED}
+def test_what_an_engine_does_to_its_process_fails_its_problem_and_changes_no_other_verdict() -> None:
+    asked = ("incline", *_ENDS, "floating-arm")
+    with Suite(Target.of("dummy_engines:Fragile"), asked, REFERENCES) as suite:
+        found: list[Verdict] = []
+        for id in suite.ids:
+            suite._worker.timeout = 1.0 if "/bead/" in id else 60.0
+            found.append(suite.verdict(id))
+    failed = {verdict.problem: verdict for verdict in found if verdict.failed}
+    assert {(verdict.problem, verdict.check) for verdict in found if verdict.failed} == {(p, "runs") for p in _ENDS}
+    for problem, text in _ENDS.items():
+        assert text in failed[problem].text
+    sane = [verdict for verdict in found if verdict.problem in ("interface", "incline", "floating-arm")]
+    assert _compared(sane) == _compared(_suite("dummy_engines:Everything", ("incline", "floating-arm")).verdicts())
+
+
+def _compared(verdicts: Iterable[Verdict]) -> dict[str, tuple[State, float | None]]:
+    return {f"{verdict.problem}/{verdict.check}": (verdict.state, verdict.error) for verdict in verdicts}
 
 
 def test_an_engine_that_is_absent_is_skipped_unless_it_is_required() -> None:

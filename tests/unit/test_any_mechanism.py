@@ -18,10 +18,11 @@ from trebucheck.comparisons.converge.report import document
 from trebucheck.comparisons.recommend import Asked, recommend
 from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.runs.results import Results
-from trebucheck.comparisons.runs.runner import Runner, Worker
+from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Trial, Trials
 from trebucheck.comparisons.runs.until import Until
+from trebucheck.comparisons.runs.worker import Worker
 from trebucheck.models.errors import InputError
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Marker

@@ -23,9 +23,9 @@ from trebucheck.comparisons.explain.results import Budget, Explanation, Machine
 from trebucheck.comparisons.explain.study import explain, stock_against_tuned
 from trebucheck.comparisons.explain.variants import Reread, by_kinematics, with_filtered_torques
 from trebucheck.comparisons.report import html, terminal
-from trebucheck.comparisons.runs.runner import Worker
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import GRID, Deviation, Trial, Trials
+from trebucheck.comparisons.runs.worker import Worker
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.mujoco.options import effective_solref

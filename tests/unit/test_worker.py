@@ -1,0 +1,138 @@
+"""Processes in which engines run: what a call does to its own says a sentence, and no other call notices it."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Event, Thread
+
+import numpy as np
+import pytest
+from trebucheck.comparisons.runs import forked
+from trebucheck.comparisons.runs.worker import Worker
+from trebucheck.models.errors import SimulationError
+
+
+@dataclass(frozen=True)
+class _Engine:
+    name: str = "it"
+
+
+class _OddError(Exception):
+    """Is not made again from its text."""
+
+    def __init__(self, one: int, other: int) -> None:
+        super().__init__(f"{one} and {other}")
+
+
+def _crash(*_: object) -> None:
+    ctypes.string_at(0)
+
+
+def _end(*_: object) -> None:
+    os._exit(0)
+
+
+def _exit(*_: object) -> None:
+    sys.exit(3)
+
+
+def _fill(*_: object) -> None:
+    np.ones(1 << 58)
+
+
+def _fail(*_: object) -> None:
+    raise _OddError(1, 2)
+
+
+def _hang(*_: object) -> None:
+    time.sleep(3600)
+
+
+def _give_a_generator(*_: object) -> object:
+    return (_ for _ in ())
+
+
+def _corrupt(*_: object) -> int:
+    os.chdir("/")
+    os.environ["TREBUCHECK_TEST"] = "corrupt"
+    sys.path.clear()
+    np.seterr(all="raise")
+    np.random.seed(1)
+    np.random.random(7)
+    math.sqrt = None  # type: ignore[assignment]
+    return os.getpid()
+
+
+def _state(*_: object) -> tuple[object, ...]:
+    found = os.environ.get("TREBUCHECK_TEST"), tuple(sys.path), str(np.geterr()), callable(math.sqrt)
+    return Path.cwd(), *found, np.random.get_state()[2]
+
+
+FAULTS: dict[Callable[..., object], str] = {
+    _crash: "it crashed: its process ended by itself (SIGSEGV).",
+    _end: "it crashed: its process ended by itself (exit code 0).",
+    _exit: "it ended its process: SystemExit(3).",
+    _fill: "it ran out of memory: ",
+    _fail: "_OddError: 1 and 2",
+    _give_a_generator: "TypeError: cannot pickle 'generator' object",
+}
+linux = pytest.mark.skipif(not forked.AVAILABLE, reason="each call has a process that is started for it here")
+
+
+@pytest.fixture(scope="module")
+def worker() -> Iterator[Worker]:
+    with Worker(60.0, fresh=True) as worker:
+        yield worker
+
+
+@linux
+@pytest.mark.parametrize("fault", FAULTS)
+def test_what_a_call_does_to_its_process_is_a_sentence(fault: Callable[..., object], worker: Worker) -> None:
+    with pytest.raises((SimulationError, TypeError)) as caught:
+        worker.call(fault, _Engine(), None)
+    assert FAULTS[fault].removeprefix("TypeError: ") in str(caught.value)
+
+
+@linux
+def test_what_a_call_changes_no_other_call_sees(worker: Worker) -> None:
+    before = worker.call(_state, _Engine(), None)
+    assert worker.call(_corrupt, _Engine(), None) != worker.call(_corrupt, _Engine(), None)
+    assert worker.call(_state, _Engine(), None) == before
+
+
+@linux
+def test_a_call_that_hangs_is_ended_and_the_next_one_is_served(worker: Worker) -> None:
+    (pool,) = worker._started
+    worker.timeout = 0.2
+    with pytest.raises(SimulationError, match=r"it did not finish within 0\.2 s and was stopped\."):
+        worker.call(_hang, _Engine(), None)
+    worker.timeout = 60.0
+    assert worker.call(_state, _Engine(), None) and worker._started == [pool]
+
+
+@linux
+def test_a_process_in_which_imports_start_threads_forks_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert forked._import(("no_such_module", "math"))
+    thread, go_on = Event(), Event()
+    other = Thread(target=lambda: (thread.set(), go_on.wait(60)))
+    monkeypatch.setattr(forked, "import_module", lambda _: (other.start(), thread.wait(60)))
+    assert not forked._import(("threads",))
+    go_on.set()
+
+
+@pytest.mark.slow
+def test_where_nothing_can_be_forked_each_call_has_a_process_that_is_started_for_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(forked, "AVAILABLE", False)
+    with Worker(60.0, fresh=True) as worker:
+        worker.call(_corrupt, _Engine(), None)
+        place, variable, *_ = worker.call(_state, _Engine(), None)
+        assert (place, variable) == (Path.cwd(), None) and not worker._started
