@@ -54,8 +54,8 @@ plugins:
 	$(PYTHON) plugins/run.py . $(PLUGINS)
 
 importers: $(VENV)/installed
-	$(PYTHON) importers/run.py $(abspath $(BIN)/trebucheck) $(IMPORTERS)
-	$(BIN)/python docs/generate.py importers
+	$(PYTHON) importers/run.py $(abspath $(BIN)/trebucheck) $(IMPORTERS); \
+		code=$$?; $(BIN)/python docs/generate.py importers && exit $$code
 
 LEAST_MUJOCO := 3.13.0
 mujoco3:

@@ -32,7 +32,7 @@ from trebucheck.comparisons.data.files import names, publish
 from trebucheck.comparisons.diff.data import DifferenceData
 from trebucheck.comparisons.explain.results import Explanation
 from trebucheck.comparisons.importer.files import publish as publish_zoo
-from trebucheck.comparisons.importer.report import overview, versions_table
+from trebucheck.comparisons.importer.report import machine_table, overview, versions_table
 from trebucheck.comparisons.importer.report import page as page_of_importer
 from trebucheck.comparisons.importer.results import ImporterResults
 from trebucheck.comparisons.matrix.read import distilled
@@ -227,18 +227,29 @@ def write_commands() -> None:
     (ROOT / "docs" / "commands.md").write_text(f"<!-- written by docs/generate.py -->\n{text.strip()}\n")
 
 
+def importer_results() -> dict[str, ImporterResults | None]:
+    """Of each importer that has an adapter; None where it has not been run."""
+    folders = sorted((path.parent for path in (ROOT / "importers").glob("*/load.py")), key=lambda path: path.name)
+    files = {folder.name: folder / "results.json" for folder in folders}
+    return {name: ImporterResults.load(file) if file.is_file() else None for name, file in files.items()}
+
+
 def write_importers() -> None:
-    """The tables of what reads MJCF, and a page of each importer with reports of its faults."""
-    texts = {path.parent.name: path.read_text() for path in (ROOT / "importers").glob("*/results.json")}
-    importers = {name: ImporterResults.from_json(texts[name]) for name in sorted(texts, key=str.lower)}
+    """The tables of what reads MJCF, also of each machine, and a page of each importer with reports of its faults."""
+    importers = importer_results()
     page = ROOT / "docs" / "importers.md"
     text = _with_block(page.read_text(), "versions", markdown.text(versions_table(importers)))
     page.write_text(_with_block(text, "importers", markdown.text(overview(importers), signs=True)))
     folder = ROOT / "docs" / "importers"
     folder.mkdir(exist_ok=True)
     for name, results in importers.items():
-        written = markdown.text(page_of_importer(results, name))
-        (folder / f"{name}.md").write_text(f"<!-- written by docs/generate.py -->\n{written}")
+        if results is not None:
+            written = markdown.text(page_of_importer(results, name))
+            (folder / f"{name}.md").write_text(f"<!-- written by docs/generate.py -->\n{written}")
+    for machine in models():
+        own = ROOT / "models" / "mjcf" / machine / "README.md"
+        listed = markdown.text(machine_table(importers, machine), signs=True)
+        own.write_text(_with_block(own.read_text(), "importers", listed))
 
 
 def write_results() -> None:
@@ -340,6 +351,7 @@ def write_mjcf() -> None:
         write_model_folder(mechanism, folder, motion=motion)
         (folder / "README.md").write_text(readme(name, motion))
         mjcf.draw(mechanism, motion, folder)
+    write_importers()  # its READMEs have a table of theirs
 
 
 PARTS: dict[str, Callable[[], None]] = {

@@ -46,6 +46,7 @@ def readme(name: str, motion: RecordedMotion) -> str:
         "## Keyframes\n\n" + _keyframes(motion),
         "## Stops\n\n" + _stops(mechanism),
         "## Accuracy\n\n" + _accuracy(mechanism, motion),
+        "## What reads it\n\n" + _IMPORTERS,
         "## The rest\n\n" + _REST.format(inertia=POINT_INERTIA),
     ]  # fmt: skip
     return "\n\n".join(parts) + "\n"
@@ -92,6 +93,14 @@ file with another `timestep`; *events located*: `tb.engine("mujoco")`, which add
 inside a step, stops preloaded and taken out once released, and the J-dot v term of points. The difference between the
 first and the last of the three is what plain stepping costs. It does not fall regularly with the step: how far a step
 goes beyond a release is chance, and points at walls are lost and found again."""
+
+_IMPORTERS = """\
+Verdicts from runs: loading, masses, accelerations, ranges, motion up to the first event and after it. Who refuses or
+misreads the file was also given the variants without sensors and with finite inertia; [all models and
+reports](../../../docs/importers.md).
+
+<!-- generated: importers -->
+<!-- end -->"""
 
 _REST = """\
 - Each body has an `<inertial>`; a point mass has {inertia:g} kg m^2, twice the least that MuJoCo takes. Of

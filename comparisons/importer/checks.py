@@ -17,7 +17,7 @@ from ...models.errors import InputError, SimulationError
 from . import tolerances
 from .expected import Expected, Motion
 from .process import ImporterProcess
-from .results import Check, ModelResult, Quantity, Verdict
+from .results import Check, FileResult, ModelResult, Quantity, VariantResult, Verdict
 
 _FAR = 1e6  # a limit beyond this is none
 _LONGEST_TEXT = 4000
@@ -54,16 +54,29 @@ class Loaded:
 def check_model(process: ImporterProcess, expected: Expected, timestep: float) -> tuple[ModelResult, Mapping[str, Any]]:
     """All quantities of a model, and what the importer says of itself.
 
+    Where it refuses or misreads the model's file it is given the variants of it, until one is right.
+
     Raises:
         InputError: the importer cannot be started.
     """
-    process.printed.clear()
     facts: dict[str, Any] = {}
+    own = _check_file(process, expected, timestep, facts)
+    tried: list[VariantResult] = []
+    for name, variant in expected.of_variants() if own.fault else ():
+        found = _check_file(process, variant, timestep, facts)
+        tried.append(VariantResult(variant=name, checks=found.checks, printed=found.printed))
+        if found.fault is None:
+            break
+    return ModelResult(
+        model=expected.name, feature=expected.feature, checks=own.checks, printed=own.printed, variants=tuple(tried)
+    ), facts  # fmt: skip
+
+
+def _check_file(process: ImporterProcess, expected: Expected, timestep: float, facts: dict[str, Any]) -> FileResult:
+    process.printed.clear()
     checks = tuple(_checks(process, expected, timestep, facts))
     printed = "\n".join(dict.fromkeys("".join(process.printed).splitlines()))
-    return ModelResult(
-        model=expected.name, feature=expected.feature, checks=checks, printed=printed[:_LONGEST_TEXT]
-    ), facts  # fmt: skip
+    return FileResult(checks=checks, printed=printed[:_LONGEST_TEXT])
 
 
 def _checks(process: ImporterProcess, expected: Expected, timestep: float, facts: dict[str, Any]) -> Iterator[Check]:
@@ -188,15 +201,34 @@ def _start(loaded: Loaded, expected: Expected) -> Check:
 @dataclass(frozen=True)
 class _Run:
     positions: FloatArray
+    steps: int
+    """In each interval of the samples."""
     step: float
     """[s]"""
     forces: FloatArray | None
 
 
-def _simulated(loaded: Loaded, motion: Motion, timestep: float) -> tuple[_Run, _Run]:
-    """With two steps, one half of the other, that divide the interval of the samples."""
+_Judge = Callable[[_Run, _Run], Check]
+
+
+def _decided(loaded: Loaded, motion: Motion, timestep: float, judge: _Judge) -> tuple[Check, _Run]:
+    """The verdict on the finer of two runs, and that run; while they leave it undecided, with half their steps.
+
+    Raises:
+        SimulationError: there are not even two runs.
+    """
     steps = math.ceil(motion.interval / timestep * (1 - 1e-9))
-    return _run(loaded, motion, steps), _run(loaded, motion, 2 * steps)
+    coarse, fine = _run(loaded, motion, steps), _run(loaded, motion, 2 * steps)
+    check = judge(coarse, fine)
+    for _ in range(tolerances.REFINEMENTS):
+        if check.verdict != Verdict.UNDECIDED:
+            break
+        try:
+            coarse, fine = fine, _run(loaded, motion, 2 * fine.steps)
+        except SimulationError:  # it takes too long
+            break
+        check = judge(coarse, fine)
+    return check, fine
 
 
 def _run(loaded: Loaded, motion: Motion, steps: int) -> _Run:
@@ -206,19 +238,19 @@ def _run(loaded: Loaded, motion: Motion, steps: int) -> _Run:
     positions, forces = loaded.ordered(read["q"], 2), read.get("limit_force")
     if positions.shape != motion.positions.shape:
         raise SimulationError(f"its motion has {len(positions)} samples; {count + 1} are needed, the start among them.")
-    return _Run(positions, motion.interval / steps, None if forces is None else loaded.ordered(forces, 2))
+    return _Run(positions, steps, motion.interval / steps, None if forces is None else loaded.ordered(forces, 2))
 
 
 def _judged(
-    quantity: Quantity, expected: Expected, motion: Motion, runs: tuple[_Run, _Run], more: float, precision: str
+    coarse: _Run, fine: _Run, *, quantity: Quantity, expected: Expected, motion: Motion, precision: str
 ) -> Check:
     """The finer of two runs beside the certified motion."""
-    coarse, fine = runs
     if not np.isfinite(fine.positions).all():
         return Check(quantity=quantity, verdict=Verdict.WRONG, text="it is not finite")
-    steps = round(len(motion.positions) * motion.interval / fine.step)
-    own = tolerances.of_motion(expected, motion, coarse.positions, fine.positions, steps, precision)
-    allowed = more + own
+    more = tolerances.of_impact(expected, fine.step) + tolerances.of_rebound(expected)
+    more = more if expected.pressing and motion is expected.whole else 0.0
+    steps = len(motion.positions) * fine.steps
+    allowed = more + tolerances.of_motion(expected, motion, coarse.positions, fine.positions, steps, precision)
     moved = float(abs(motion.positions - motion.positions[0]).max())
     times = np.arange(len(motion.positions)) * motion.interval
     names = [f"{joint} after {t:.4g} s, step {fine.step:.3g} s" for t in times for joint in expected.joints]
@@ -229,8 +261,8 @@ def _judged(
 
 
 def _free_motion(loaded: Loaded, expected: Expected, timestep: float) -> Check:
-    runs = _simulated(loaded, expected.free, timestep)
-    return _judged("free motion", expected, expected.free, runs, 0.0, loaded.precision)
+    facts: dict[str, Any] = {"expected": expected, "motion": expected.free, "precision": loaded.precision}
+    return _decided(loaded, expected.free, timestep, partial(_judged, quantity="free motion", **facts))[0]
 
 
 def _with_events(loaded: Loaded, expected: Expected, timestep: float) -> Iterator[Check]:
@@ -241,17 +273,18 @@ def _with_events(loaded: Loaded, expected: Expected, timestep: float) -> Iterato
             text = f"no {', '.join(sorted(lacking)) or 'simulate'}"
             yield Check(quantity=quantity, verdict=Verdict.NOT_OFFERED, text=text)
         return
+    facts: dict[str, Any] = {"expected": expected, "motion": expected.whole, "precision": loaded.precision}
+    judge = partial(_judged, quantity="motion with events", **facts)
     try:
-        runs = _simulated(loaded, expected.whole, timestep)
+        check, run = _decided(loaded, expected.whole, timestep, judge)
     except SimulationError as error:
         yield Check(quantity="motion with events", verdict=Verdict.FAILED, text=str(error))
         return
     if expected.limits:
-        yield _kept(expected, runs[1])
-    more = tolerances.of_impact(expected, runs[1].step) + tolerances.of_rebound(expected) if expected.pressing else 0.0
-    yield _judged("motion with events", expected, expected.whole, runs, more, loaded.precision)
+        yield _kept(expected, run)
+    yield check
     if expected.pressing:
-        yield _force_at_rest(expected, runs[1])
+        yield _force_at_rest(expected, run)
 
 
 def _kept(expected: Expected, run: _Run) -> Check:

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.zoo.model import Needs, ZooModel
+from ...models.zoo.model import FileVariant, Needs, ZooModel
 from ...reference.equations import Equations
 
 if TYPE_CHECKING:
@@ -129,6 +129,8 @@ class Expected:
     """Generalized forces of limits and contacts on the joints at the end; zero where none acts."""
     pressing: float
     """Acceleration with which a limit that is touched at the end is pressed [rad/s^2 or m/s^2]; 0 where none is."""
+    variants: Mapping[str, FileVariant]
+    """Other files of the same motion."""
 
     @classmethod
     def of(cls, model: ZooModel, data: xr.Dataset) -> Self:
@@ -142,8 +144,13 @@ class Expected:
             states=[*zip(data["state_position"].values, data["state_velocity"].values, strict=True)],
             mass_matrices=masses, accelerations=np.asarray(data["acceleration"].values, dtype=np.float64),
             whole=whole, free=_motion(data.isel(time=_free(data))), has_events=events,
-            resting_force=force, pressing=float(abs(np.linalg.solve(masses[-1], force)).max()),
+            resting_force=force, pressing=float(abs(np.linalg.solve(masses[-1], force)).max()), variants=model.variants,
         )  # fmt: skip
+
+    def of_variants(self) -> Iterator[tuple[str, Expected]]:
+        """The same of each variant, with its name."""
+        for name, variant in self.variants.items():
+            yield name, replace(self, xml=variant.text, total_mass=variant.total_mass)
 
 
 def _free(data: xr.Dataset) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

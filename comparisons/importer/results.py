@@ -40,17 +40,34 @@ class Check(Spec):
     text: str = Field(default="", description="expected and found, or why there is no verdict")
 
 
-class ModelResult(Spec):
-    """One model."""
+class FileResult(Spec):
+    """One file."""
 
-    model: str
-    feature: str
     checks: tuple[Check, ...]
     printed: str = Field(default="", description="what the importer printed meanwhile")
 
     def check(self, quantity: str) -> Check | None:
-        """The one of a quantity; None where the model has none."""
+        """The one of a quantity; None where the file has none."""
         return next((check for check in self.checks if check.quantity == quantity), None)
+
+    @property
+    def fault(self) -> Check | None:
+        """The first quantity that is wrong, or in which the importer failed; None where there is none."""
+        return next((check for check in self.checks if check.verdict in (Verdict.WRONG, Verdict.FAILED)), None)
+
+
+class VariantResult(FileResult):
+    """A file of the same motion that the writer offers for importers that refuse or misread the first."""
+
+    variant: str
+
+
+class ModelResult(FileResult):
+    """One model: its file, and, where that is refused or misread, variants of it until one is right."""
+
+    model: str
+    feature: str
+    variants: tuple[VariantResult, ...] = Field(default=(), exclude_if=lambda value: not value)
 
 
 class ImporterResults(ResultFile):
@@ -66,9 +83,8 @@ class ImporterResults(ResultFile):
 
     @property
     def holds(self) -> bool:
-        """Whether nothing is wrong and nothing failed."""
-        verdicts = {check.verdict for model in self.models for check in model.checks}
-        return not verdicts & {Verdict.WRONG, Verdict.FAILED}
+        """Whether nothing is wrong and nothing failed; of variants nothing is asked."""
+        return all(model.fault is None for model in self.models)
 
     def count(self, verdict: Verdict, quantity: str | None = None) -> int:
         """Of checks, of all quantities or of one."""

@@ -18,6 +18,8 @@ REST_FORCE = 1e-3
 """Relative, of a force at rest: what a user of limit forces needs."""
 TELLS_NOTHING = 1e-2
 """A tolerance above this part of how far the joints move decides nothing."""
+REFINEMENTS = 5
+"""So often the step is halved again where a verdict is undecided: a method of first order is then 32 times as near."""
 _REBOUND = math.exp(-2)  # of a critically damped limit that cannot pull: it is left at twice its time constant
 _SAFETY = 2.0
 

@@ -1,18 +1,11 @@
 """MJCF, MuJoCo's model format: the writer, and the committed models of the named machines.
 
-`from trebucheck.models.mjcf import rolling` gives paths: `rolling.MJCF_PATH`, `rolling.PACKAGE_PATH`.
+A module of each machine has the paths of its files, as `robot_descriptions` names them: `rolling.MJCF_PATH` of
+`from trebucheck.models.mjcf import rolling` or of `import trebucheck.models.mjcf.rolling`.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from . import catapult, fixed, floating_arm, hinged, rolling
 
-
-def __getattr__(name: str) -> Any:
-    from ..machines.registry import models
-    from .paths import description
-
-    machine = name.replace("_", "-")
-    if machine not in models():
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return description(machine)
+__all__ = ["catapult", "fixed", "floating_arm", "hinged", "rolling"]

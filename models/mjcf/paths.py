@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import importlib
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..errors import EngineNotInstalledError, InputError
 from ..machines.registry import model, models
@@ -14,8 +13,7 @@ from .scene import SCENE_FILE
 from .writer import model_file
 
 
-@dataclass(frozen=True)
-class Description:
+class Description(NamedTuple):
     """Paths of one machine's files, as `robot_descriptions` names them."""
 
     PACKAGE_PATH: str

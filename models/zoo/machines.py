@@ -10,9 +10,18 @@ from ..joints import GROUND
 from ..machines.registry import model
 from ..mechanism import Mechanism
 from ..mjcf.paths import mjcf_path
+from ..mjcf.recorded import stored_motion
+from ..mjcf.variants import Variant, inertias
+from ..mjcf.writer import mjcf
 from ..problem import StopLaw
 from ..stops import Stop
-from .model import JointCoordinate, ZooModel
+from .model import FileVariant, JointCoordinate, ZooModel
+
+_VARIANTS = {
+    "without sensors": Variant(sensors=False),
+    "finite inertia": Variant(finite_inertia=True),
+    "without sensors, finite inertia": Variant(sensors=False, finite_inertia=True),
+}
 
 
 def machine_model(name: str) -> ZooModel:
@@ -32,7 +41,18 @@ def machine_model(name: str) -> ZooModel:
     return ZooModel(
         name, f"the {name} machine", mechanism, joints, limits=dict(_limits(mechanism, joints)),
         needs=("limits", "loops") if mechanism.loop_joints else ("limits",), stop_law=StopLaw.RELEASE_ONCE, text=text,
+        variants=dict(_variants(mechanism, text)),
     )  # fmt: skip
+
+
+def _variants(mechanism: Mechanism, text: str) -> Iterator[tuple[str, FileVariant]]:
+    """A machine's file otherwise, where it then is another; with finite inertia the ground may have given some mass."""
+    seen = {text}
+    for name, variant in _VARIANTS.items():
+        other = mjcf(mechanism, motion=stored_motion(mechanism), variant=variant)
+        if other not in seen:
+            yield name, FileVariant(other, sum(each.mass for each in inertias(mechanism, variant).values()))
+        seen.add(other)
 
 
 def _weights(mechanism: Mechanism, parent: str) -> Iterator[Mapping[str, float]]:

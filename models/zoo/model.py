@@ -29,6 +29,15 @@ class JointCoordinate:
 
 
 @dataclass(frozen=True)
+class FileVariant:
+    """Another file of the same motion."""
+
+    text: str
+    total_mass: float
+    """Of its bodies [kg]."""
+
+
+@dataclass(frozen=True)
 class ZooModel:
     """A file of one feature.
 
@@ -53,6 +62,8 @@ class ZooModel:
     """Of the file, where it is none of the zoo's folder."""
     inertia_without_mass: float = 0.0
     """What the mechanism has as mass and the file as armature [kg]."""
+    variants: Mapping[str, FileVariant] = field(default_factory=dict[str, FileVariant])
+    """By name, for importers that refuse or misread the file."""
 
     @property
     def problem(self) -> Problem:

@@ -78,6 +78,43 @@ def late(path):
     return Late(mujoco.MjModel.from_xml_path(path))
 
 
+class Rough(Compiled):
+    """Ahead by ten steps: an error of first order, which at large steps decides nothing."""
+
+    def simulate(self, q, u, interval, count, steps):
+        right = super().simulate(q, u, interval, count, steps)["q"]
+        return right + 10 * interval / steps * np.gradient(right, interval, axis=0)
+
+
+def rough(path):
+    return Rough(mujoco.MjModel.from_xml_path(path))
+
+
+class Still(Compiled):
+    """Without motion, which takes time."""
+
+    simulate = None
+
+
+def no_sensors(path):
+    model = mujoco.MjModel.from_xml_path(path)
+    if model.nsensor:
+        raise NotImplementedError("sensors are not supported")
+    return Still(model)
+
+
+def large_inertias(path):
+    loaded = Still(mujoco.MjModel.from_xml_path(path))
+    loaded.model.body_inertia[1:] = np.maximum(loaded.model.body_inertia[1:], 1e-3)
+    return loaded
+
+
+def counted(path):
+    with open(__file__ + ".loaded", "a") as file:
+        print(path, file=file)
+    return Still(mujoco.MjModel.from_xml_path(path))
+
+
 def renamed(path):
     loaded = of(path)
     loaded.joints = ["something else"]
@@ -181,6 +218,54 @@ def test_what_is_not_offered_is_never_right(loaders: Path) -> None:
     assert {check.verdict for check in results.models[0].checks[2:]} == {Verdict.NOT_OFFERED}
 
 
+def test_a_verdict_that_the_step_leaves_open_is_sought_with_smaller_ones(loaders: Path) -> None:
+    check = _checked(loaders, "rough", "hinge").models[0].check("free motion")
+    assert check is not None and check.verdict == Verdict.RIGHT and check.error is not None
+    # Ten steps at the speed of the fall: at half a millisecond an error of more than a hundredth of the motion.
+    assert check.error > 1e-3 and "step 0.0005 s" not in check.text and "step 0.001 s" not in check.text
+
+
+@pytest.mark.parametrize(
+    ("function", "machine", "quantity", "tried"),
+    [
+        ("no_sensors", "catapult", "loads", ["without sensors"]),
+        ("large_inertias", "fixed", "mass matrix", ["without sensors", "finite inertia"]),
+    ],
+)
+def test_who_cannot_read_a_machine_gets_its_variants(
+    loaders: Path, function: str, machine: str, quantity: str, tried: list[str]
+) -> None:
+    results = _checked(loaders, function, machine)
+    model = results.models[0]
+    assert model.fault is not None and model.fault.quantity == quantity and not results.holds
+    assert [each.variant for each in model.variants] == tried
+    assert [each.fault is None for each in model.variants] == [False] * (len(tried) - 1) + [True]
+    assert report.whole(results, machine).text.endswith(f"; {tried[-1]}: right")
+    assert ImporterResults.from_json(results.to_json()) == results
+
+
+def test_who_reads_the_file_gets_no_variant_and_the_zoo_has_none(loaders: Path) -> None:
+    results = _checked(loaders, "counted", "catapult", "hinge")
+    assert not any(model.variants for model in results.models)
+    assert not _checked(loaders, "renamed", "hinge").models[0].variants
+
+
+def test_finished_models_are_taken_from_the_folder(loaders: Path, tmp_path: Path) -> None:
+    out, loaded = str(tmp_path / "out"), Path(f"{loaders}.loaded")
+    assert main(["importer", f"{loaders}:counted", "--models", "hinge,chain", "--out", out, "-q"]) == 0
+    first = (tmp_path / "out" / "importer.json").read_text()
+    assert (
+        main(["importer", f"{loaders}:counted", "--models", "hinge,slide,chain", "--out", out, "-q", "--resume"]) == 0
+    )
+    assert [Path(line).stem for line in loaded.read_text().splitlines()] == ["hinge", "chain", "slide"]
+    again = ImporterResults.from_json((tmp_path / "out" / "importer.json").read_text())
+    assert again.versions and [model.model for model in again.models] == ["hinge", "slide", "chain"]
+    assert [again.models[0], again.models[2]] == [*ImporterResults.from_json(first).models]
+    loaders.write_text(f"{LOADERS}\n# changed\n")
+    assert main(["importer", f"{loaders}:counted", "--models", "hinge", "--out", out, "-q", "--resume"]) == 0
+    assert len(loaded.read_text().splitlines()) == 4
+
+
 def test_on_the_command_line(loaders: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     assert main(["importer", f"{loaders}:right", "--models", "hinge", "-q"]) == 0
@@ -208,6 +293,7 @@ def test_on_the_command_line(loaders: Path, tmp_path: Path, capsys: pytest.Captu
         (["{file}:right", "--python", "/bin/false"], "ended with exit code 1"),
         (["{file}:right", "--timestep", "0"], "must be positive"),
         (["{file}:right", "--timeout", "nan"], "must be positive"),
+        (["{file}:right", "--resume"], "needs --out"),
     ],
 )
 def test_bad_input_gets_one_sentence(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -97,7 +98,8 @@ def test_one_line_gives_the_file_the_text_or_a_spec() -> None:
 
 @every_model
 def test_paths_are_constants_of_a_module(name: str) -> None:
-    own = getattr(descriptions, name.replace("-", "_"))
+    own = importlib.import_module(f"trebucheck.models.mjcf.{name.replace('-', '_')}")
+    assert getattr(descriptions, name.replace("-", "_")) is own
     assert tb.mjcf_path(name) == own.MJCF_PATH and own.MJCF_PATH.startswith(own.PACKAGE_PATH)
     mujoco.MjModel.from_xml_path(own.MJCF_PATH_SCENE)
     with pytest.raises(AttributeError):
