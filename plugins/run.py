@@ -25,6 +25,8 @@ def environment(name: str, source: Path) -> Path:
     pip = [str(programs / "python"), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     subprocess.run([*pip, "--constraint", str(chosen), str(source), str(HERE / name), "pytest"], check=True)
     subprocess.run([*pip, "--force-reinstall", "--no-deps", str(source), str(HERE / name)], check=True)
+    if (HERE / name / f"trebucheck_{name}" / "__main__.py").exists():  # it brings what pip cannot
+        subprocess.run([str(programs / "python"), "-m", f"trebucheck_{name}"], check=True)
     return programs
 
 

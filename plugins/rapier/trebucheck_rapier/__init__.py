@@ -1,0 +1,1 @@
+"""Rapier 2D as an engine of trebucheck."""

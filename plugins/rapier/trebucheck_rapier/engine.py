@@ -1,0 +1,95 @@
+"""Rapier 2D: bodies in Cartesian coordinates, joints and limits as impulses in substeps, single precision."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
+from trebucheck.engines.study import EngineStudy
+from trebucheck.models.errors import EngineNotInstalledError
+from trebucheck.models.features import Basic, Feature
+from trebucheck.models.problem import Problem, StopLaw
+from trebucheck.models.spec import Positive
+
+from . import bridge
+from .build import Built
+from .motion import Motion
+from .study import STUDY
+
+
+class RapierEngine(BuiltinEngine):
+    """Rapier's world with impulse joints, moved by Node.js; the stock preset has Rapier's own substeps and passes.
+
+    Its multibody joints are no choice: they have a damping of their own, which its interface cannot take out.
+
+    Raises:
+        InputError: an option is unknown or outside its range.
+    """
+
+    name: ClassVar[str] = "rapier"
+    package: ClassVar[str] = "trebucheck-rapier"
+    tables: ClassVar[EngineStudy] = STUDY
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        joint_reactions=False,
+        joint_gaps=True,
+        stop_torques=False,
+        located_releases=False,
+        stop_laws=frozenset(StopLaw),
+        formulation="Cartesian coordinates in single precision, joints and limits by impulses in substeps, "
+        "semi-implicit Euler",
+        lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
+        features=frozenset(Feature) - {Feature.MOVING_WALL},
+    )
+    stock_options: ClassVar[Mapping[str, object]] = {"substeps": 4, "passes": 1}
+
+    substeps: Annotated[int, Field(ge=1, le=1000)] = Field(
+        default=8, description="of a step, each with its own impulses (Rapier's numSolverIterations)"
+    )
+    passes: Annotated[int, Field(ge=1, le=10_000)] = Field(
+        default=4, description="over all joints in a substep (Rapier's numInternalPgsIterations)"
+    )
+    least_inertia: Positive = Field(
+        default=1e-5, le=1.0,
+        description="of a body about its centre of mass, as a part of m d^2, d its greatest distance from a joint",
+    )  # fmt: skip
+    carriage: Positive = Field(
+        default=1e-3, le=1.0,
+        description="mass of the body that runs in a slot, as a part of that of the body it carries: Rapier has no "
+        "joint that both slides and turns",
+    )  # fmt: skip
+    opening: Positive = Field(
+        default=1e-4, le=0.1, description="gap at which a stop has opened [rad]; its release is looked back for"
+    )
+
+    @classmethod
+    def is_installed(cls) -> bool:
+        """Whether Node.js is on the path and Rapier beside this package."""
+        return bridge.is_installed()
+
+    @classmethod
+    def version(cls) -> str:
+        """Of Rapier's npm package; 'not installed' if there is none."""
+        return bridge.version()
+
+    def refuse_absence(self) -> None:
+        """Say what is missing.
+
+        Raises:
+            EngineNotInstalledError: Node.js or Rapier is not here.
+        """
+        if not self.is_installed():
+            raise EngineNotInstalledError(bridge.absence())
+
+    def _run(self, problem: Problem) -> Recording:
+        built = Built(problem.mechanism, self.least_inertia, self.carriage)
+        steps = math.ceil(problem.duration / self.timestep - 1e-9)
+        scene = built.scene(problem.stop_law is StopLaw.RELEASE_ONCE) | {
+            "timestep": problem.duration / steps, "steps": steps,
+            "substeps": self.substeps, "passes": self.passes, "opening": self.opening,
+        }  # fmt: skip
+        times = np.linspace(0.0, problem.duration, steps + 1)
+        return Motion(built, times, bridge.move(scene)).recording(self.opening)

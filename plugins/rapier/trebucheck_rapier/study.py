@@ -1,0 +1,43 @@
+"""What studies need to know of Rapier."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from trebucheck.engines.study import (
+    HALF_THE_STEP,
+    REFINEMENT,
+    STOCK_SET,
+    TUNED_SET,
+    Cause,
+    ConstraintKinds,
+    EngineStudy,
+    Intervention,
+    Refinement,
+    StepOrder,
+    multiplied,
+    time_step_cause,
+)
+
+
+def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
+    return (
+        Cause("point masses", "a body without inertia is given a least one",
+              Intervention({"least_inertia": float(settings["least_inertia"]) / 10})),
+        time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
+    )  # fmt: skip
+
+
+_SCHEME = "semi-implicit Euler, impulses"
+_REASON = "semi-implicit Euler in substeps of Cartesian coordinates; at short steps the floor of single precision"
+STUDY = EngineStudy(
+    causes=_causes,
+    step_orders={"tuned": StepOrder(1.0, _REASON, _SCHEME), "stock": StepOrder(1.0, _REASON, _SCHEME)},
+    refinements=(
+        HALF_THE_STEP,
+        Refinement("inertia of point masses", "a tenth of it", multiplied("least_inertia", 0.1)),
+        Refinement("mass in slots", "a tenth of it", multiplied("carriage", 0.1)),
+    ),
+    option_sets=(STOCK_SET, TUNED_SET),
+    colour="#b8860b",
+)
