@@ -50,8 +50,9 @@ docs: $(VENV)/installed
 benchmark: $(VENV)/installed
 	$(BIN)/python benchmarks/launch.py
 
+BUDGET ?= 120
 plugins:
-	$(PYTHON) plugins/run.py . $(PLUGINS)
+	$(PYTHON) plugins/run.py . --budget $(BUDGET) $(PLUGINS)
 
 importers: $(VENV)/installed
 	$(PYTHON) importers/run.py $(abspath $(BIN)/trebucheck) $(IMPORTERS); \

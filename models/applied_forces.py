@@ -63,8 +63,10 @@ class AppliedForces:
 
     def generalized(self, q: FloatArray, u: FloatArray, rates: ComplexArray | None = None) -> FloatArray:
         """Generalized forces of all elements, shape (..., n_q) [N m or N]."""
-        rates = self.kinematics.rates(q) if rates is None else rates
         total = np.zeros(np.broadcast_shapes(q.shape, u.shape))
+        if not self.kinematics.mechanism.force_elements:
+            return total
+        rates = self.kinematics.rates(q) if rates is None else rates
         for spring, vector in self.springs:
             gradient = self.kinematics.gradient(vector.coefficients, q, rates)
             force = _pull(spring, self.kinematics.vector(vector, q), np.sum(gradient * u, axis=-1))

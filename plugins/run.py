@@ -1,76 +1,201 @@
-"""Runs the plug-ins, each in an environment of its own: tests, the suite of conformance, and the committed comparison.
+"""Runs the plug-ins, each in an environment of its own, and keeps what the matrix shows of them.
 
-Called by `make plugins`; needs nothing but Python. Usage: python plugins/run.py WHEEL_SOURCE NAME...
+Of each: install it with trebucheck, run its tests, the suite of conformance, a comparison on every problem, and sweeps
+of its time step; then write `results/NAME.json`. A stage that has ended, well or not, is not run again while trebucheck
+and the plug-in are the same files; `--again` runs all of it. What fails is listed at the end, and nothing else is lost.
+
+Called by `make plugins`; needs nothing but Python. Usage: python plugins/run.py SOURCE [--budget SECONDS] [--again] NAME...
 """
 
 from __future__ import annotations
 
+import argparse
+import hashlib
+import json
+import os
+import shutil
 import subprocess
 import sys
+import time
 import venv
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 HERE = Path(__file__).parent
-MACHINES = ("fixed", "rolling")
+FREE_SWING = HERE / "free-swing.json"
+"""The fixed machine without its stops: what an engine's scheme does with nothing but joints."""
+DURATION = 2.0  # [s] of the free swing
+RUNS = 8  # a problem has so many parts at most, each with a budget of its own: two presets' checks, runs, diagnoses
 
 
-def environment(name: str, source: Path) -> Path:
-    """The folder of the environment's programs; trebucheck and the plug-in are installed anew."""
-    folder = source / ".plugins" / name
-    programs = folder / "bin"
-    if not programs.exists():
-        venv.create(folder, with_pip=True)
-    constraints = HERE / name / "constraints.txt"
-    chosen = constraints if constraints.exists() else source / "constraints.txt"
-    pip = [str(programs / "python"), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    subprocess.run([*pip, "--constraint", str(chosen), str(source), str(HERE / name), "pytest"], check=True)
-    subprocess.run([*pip, "--force-reinstall", "--no-deps", str(source), str(HERE / name)], check=True)
-    if (HERE / name / f"trebucheck_{name}" / "__main__.py").exists():  # it brings what pip cannot
-        subprocess.run([str(programs / "python"), "-m", f"trebucheck_{name}"], check=True)
-    return programs
+@dataclass(frozen=True)
+class Batch:
+    """Problems that one command takes."""
+
+    problems: tuple[str, ...]
+    arguments: tuple[str, ...] = ()
 
 
-def problems(programs: Path) -> list[str]:
-    """Names of the machines and of the library's problems."""
-    code = "import trebucheck.models.problems.registry as r; print(*(each.name for each in r.benchmarks()))"
-    found = subprocess.run([str(programs / "python"), "-c", code], check=True, capture_output=True, text=True, cwd="/")
-    return [*MACHINES, *found.stdout.split()]
+MACHINES: Mapping[str, Batch] = {
+    "free-swing": Batch((str(FREE_SWING),), ("--until", str(DURATION))),
+    "machines": Batch(("fixed", "rolling")),
+}
+SWEPT: Mapping[str, Batch] = {"free-swing": MACHINES["free-swing"], "fixed": Batch(("fixed",))}
 
 
-def results(programs: Path, name: str) -> int:
-    """Compare the engine on every problem, sweep its step on the first machine, and keep what a matrix needs."""
-    trebucheck, folder, path = str(programs / "trebucheck"), programs.parent, HERE / "results" / f"{name}.json"
-    compare = [trebucheck, "compare", "--engines", name, "--models", ",".join(problems(programs)), "--quiet"]
-    # Exit code 1 says that some run disagrees, which is a result.
-    found = subprocess.run([*compare, "--out", str(folder / "report")], cwd=folder)
-    if found.returncode not in (0, 1):
-        return found.returncode
-    files = [str(folder / "report" / "results.json")]
-    converge = [trebucheck, "converge", "--engines", name, "--models", MACHINES[0], "--knobs", "timestep", "--quiet"]
-    # Without it, orders are those that the engine declares, and are said to be so.
-    if subprocess.run([*converge, "--out", str(folder / "converge")], cwd=folder).returncode == 0:
-        files.append(str(folder / "converge" / "converge.json"))
-    path.parent.mkdir(exist_ok=True)
-    return subprocess.run([trebucheck, "matrix", *files, "--quiet", "--out", str(path)], cwd=folder).returncode
+@dataclass
+class Plugin:
+    """One plug-in with its environment."""
+
+    name: str
+    source: Path
+    budget: float
+    again: bool
+    done: dict[str, tuple[int, float]] = field(default_factory=dict[str, tuple[int, float]])
+    """Exit code and seconds of each stage."""
+
+    def __post_init__(self) -> None:
+        self.folder = self.source / ".plugins" / self.name
+        self.programs = self.folder / "bin"
+        own = [path for path in files(HERE / self.name) if path.parent.name != "tests"]
+        self.key = digest([*core_files(self.source), *own, FREE_SWING])
+        """Of all that results follow from."""
+
+    def run(self) -> None:
+        """All stages; nothing but the environment is needed for those that follow."""
+        if self.stage("environment", self.environment):
+            return
+        python = str(self.programs / "python")
+        pytest = [python, "-m", "pytest", "-q", "-c", "/dev/null", "-p", "no:cacheprovider", "--rootdir", str(HERE)]
+        tests = [str(HERE / self.name / "tests"), str(HERE / "tests")]
+        self.stage("tests", lambda: self.call([*pytest, *tests], 20 * self.budget), always=True)
+        conform = [*self.trebucheck("conform", f"{self.name}/tuned"), "--out", str(self.folder / "conformance")]
+        self.stage("conform", lambda: self.call(conform, 20 * self.budget))
+        for name, batch in (MACHINES | self.library()).items():
+            self.stage(f"compare {name}", lambda n=name, of=batch: self.studied("compare", n, of, "results.json"))
+        for name, batch in SWEPT.items():
+            self.stage(f"converge {name}", lambda n=name, of=batch: self.studied("converge", n, of, "converge.json"))
+        self.stage("matrix", self.matrix, always=True)
+
+    def stage(self, name: str, work: object, *, always: bool = False) -> int:
+        """Exit code of a stage, run now or before."""
+        stamp = self.folder / "stages" / f"{name.replace(' ', '-')}.json"
+        kept = json.loads(stamp.read_text()) if stamp.is_file() else {}
+        if kept.get("key") == self.key and not (self.again or always):
+            self.done[name] = kept["code"], kept["seconds"]
+            return int(kept["code"])
+        print(f"{self.name}: {name}", flush=True)
+        start = time.monotonic()
+        code = int(work())  # type: ignore[operator]
+        self.done[name] = code, round(time.monotonic() - start, 1)
+        stamp.parent.mkdir(parents=True, exist_ok=True)
+        stamp.write_text(json.dumps({"key": self.key, "code": code, "seconds": self.done[name][1]}))
+        return code
+
+    def environment(self) -> int:
+        """Install trebucheck and the plug-in anew."""
+        if not self.programs.exists():
+            venv.create(self.folder, with_pip=True)
+        own = HERE / self.name / "constraints.txt"
+        chosen = own if own.exists() else self.source / "constraints.txt"
+        pip = [str(self.programs / "python"), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+        both = [str(self.source), str(HERE / self.name)]
+        code = self.call([*pip, "--constraint", str(chosen), *both, "pytest"], 1800.0)
+        code = code or self.call([*pip, "--force-reinstall", "--no-deps", *both], 1800.0)
+        if (HERE / self.name / f"trebucheck_{self.name}" / "__main__.py").exists():  # it brings what pip cannot
+            code = code or self.call([str(self.programs / "python"), "-m", f"trebucheck_{self.name}"], 1800.0)
+        for folder in both:  # what pip leaves where it builds
+            for left in [Path(folder) / "build", *Path(folder).glob("*.egg-info")]:
+                shutil.rmtree(left, ignore_errors=True)
+        return code
+
+    def library(self) -> dict[str, Batch]:
+        """The library's problems by chapter."""
+        code = (
+            "import trebucheck.models.problems.registry as r; print(*(f'{e.number}:{e.name}' for e in r.benchmarks()))"
+        )
+        run = [str(self.programs / "python"), "-c", code]
+        chapters: dict[str, tuple[str, ...]] = {}
+        for entry in subprocess.run(run, check=True, capture_output=True, text=True, cwd="/").stdout.split():
+            number, _, name = entry.partition(":")
+            chapters[number[0]] = (*chapters.get(number[0], ()), name)
+        return {chapter: Batch(problems) for chapter, problems in chapters.items()}
+
+    def trebucheck(self, *arguments: str) -> list[str]:
+        """The environment's command."""
+        return [str(self.programs / "trebucheck"), *arguments]
+
+    def studied(self, study: str, name: str, batch: Batch, written: str) -> int:
+        """Exit code of a study of the engine: 0 if it came to an end, whatever it found."""
+        out = self.folder / study / name
+        (out / written).unlink(missing_ok=True)
+        command = self.trebucheck(study, "--engines", self.name, "--models", ",".join(batch.problems), *batch.arguments)
+        command += ["--knobs", "timestep"] if study == "converge" else []
+        command += ["--resume", "--timeout", f"{self.budget:g}", "--quiet", "--out", str(out)]
+        code = self.call(command, RUNS * self.budget * len(batch.problems))
+        # Exit code 1 says that some run disagrees, which is a result.
+        return 0 if code in (0, 1) and (out / written).is_file() else code or 1
+
+    def matrix(self) -> int:
+        """What there is of results, as one file; none if there is nothing."""
+        found = [*self.folder.glob("compare/*/results.json"), *self.folder.glob("converge/*/converge.json")]
+        path = HERE / "results" / f"{self.name}.json"
+        path.parent.mkdir(exist_ok=True)
+        return self.call(self.trebucheck("matrix", *map(str, sorted(found)), "--quiet", "--out", str(path)), 600.0)
+
+    def call(self, command: list[str], seconds: float) -> int:
+        """Exit code of a command; 124 if it took longer than that and was ended, as `timeout` has it."""
+        process = subprocess.Popen(command, cwd=self.folder, start_new_session=True)
+        try:
+            return process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, 9)  # what it started, too
+            process.wait()
+            return 124
 
 
-def conformance(programs: Path, name: str) -> int:
-    """What the tuned preset keeps of what it declares; the certificate is left in the environment's folder."""
-    out = programs.parent / "conformance"
-    command = [str(programs / "trebucheck"), "conform", f"{name}/tuned", "--out", str(out)]
-    return subprocess.run(command, cwd=programs.parent).returncode
+def files(folder: Path) -> list[Path]:
+    """Those that decide what runs."""
+    return sorted(path for path in folder.rglob("*") if path.suffix in (".py", ".toml", ".txt", ".json"))
 
 
-def main(source: Path, names: list[str]) -> int:
-    """Run them all; the exit code is that of the first that fails."""
-    failed = 0
-    for name in names:
-        programs = environment(name, source)
-        tests = subprocess.run([str(programs / "python"), "-m", "pytest", "-q", "-c", "/dev/null", "--rootdir",
-                                str(HERE / name), str(HERE / name / "tests")])  # fmt: skip
-        failed = failed or tests.returncode or conformance(programs, name) or results(programs, name)
-    return failed
+def core_files(source: Path) -> Iterator[Path]:
+    """Of trebucheck, as far as the results depend on them."""
+    for folder in ("models", "reference", "engines", "comparisons", "conformance"):
+        yield from (path for path in files(source / folder) if path.suffix == ".py")
+    yield source / "constraints.txt"
+
+
+def digest(paths: list[Path]) -> str:
+    """Of the contents."""
+    found = hashlib.sha256()
+    for path in paths:
+        found.update(path.read_bytes())
+    return found.hexdigest()
+
+
+def main() -> int:
+    """Run them all; the exit code is 1 if a stage of any failed."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("source", type=Path)
+    parser.add_argument("names", nargs="+")
+    parser.add_argument("--budget", type=float, default=120.0, help="longest wait for one run, or one diagnosis [s]")
+    parser.add_argument("--again", action="store_true", help="run what has been run before, too")
+    given = parser.parse_args()
+    plugins = [Plugin(name, given.source.resolve(), given.budget, given.again) for name in given.names]
+    for plugin in plugins:
+        try:
+            plugin.run()
+        except Exception as error:  # one plug-in's failure must not cost the others
+            print(f"{plugin.name}: {type(error).__name__}: {error}", file=sys.stderr)
+            plugin.done["run.py"] = 1, 0.0
+    for plugin in plugins:
+        failed = ", ".join(f"{stage} ({code})" for stage, (code, _) in plugin.done.items() if code)
+        seconds = sum(spent for _, spent in plugin.done.values())
+        print(f"{plugin.name:<10} {len(plugin.done)} stages in {seconds:.0f} s; failed: {failed or 'none'}")
+    return int(any(code for plugin in plugins for code, _ in plugin.done.values()))
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1]).resolve(), sys.argv[2:]))
+    sys.exit(main())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from trebucheck.engines.scheme_tables import EULER_STEPS, error_controlled, located_tolerances
 from trebucheck.engines.study import (
     REFINEMENT,
     STOCK_SET,
@@ -12,8 +13,6 @@ from trebucheck.engines.study import (
     ConstraintKinds,
     EngineStudy,
     Intervention,
-    StepOrder,
-    Tolerance,
     time_step_cause,
 )
 
@@ -27,26 +26,15 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     )  # fmt: skip
 
 
-_NEED = "error-controlled Runge-Kutta of order 5, at most 1 ms a step, an accuracy of 1e-10"
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={
-        "tuned": StepOrder(
-            None,
-            "error-controlled RK5 (Dormand-Prince): the step is only an upper bound",
-            "error-controlled Runge-Kutta, joint coordinates",
-        ),
-        "stock": StepOrder(
-            1.0,
-            "semi-implicit Euler in joint coordinates, limits as compliant constraints",
-            "semi-implicit Euler, joint coordinates",
-        ),
+        "tuned": error_controlled("RK5 (Dormand-Prince): the step is only an upper bound"),
+        "stock": EULER_STEPS,
     },
     option_sets=(STOCK_SET, TUNED_SET),
-    tolerances=(
-        Tolerance("tuned", "position_max", 1e-8, 1e-3, 5, _NEED),
-        Tolerance("tuned", "release_time", 1e-9, 1e-3, 5, _NEED),
-        Tolerance("tuned", "stop_torque_max", 1e-9, 1e-3, 5, _NEED, per="peak"),
+    tolerances=located_tolerances(
+        5, "error-controlled Runge-Kutta of order 5, at most 1 ms a step, an accuracy of 1e-10"
     ),
     colour="#1f4e9e",
 )

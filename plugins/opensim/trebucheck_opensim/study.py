@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from trebucheck.engines.scheme_tables import error_controlled, located_tolerances
 from trebucheck.engines.study import (
     REFINEMENT,
     STOCK_SET,
@@ -12,8 +13,6 @@ from trebucheck.engines.study import (
     ConstraintKinds,
     EngineStudy,
     Intervention,
-    StepOrder,
-    Tolerance,
     time_step_cause,
 )
 
@@ -27,26 +26,15 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     )  # fmt: skip
 
 
-_NEED = "error-controlled Runge-Kutta-Merson of order 4, at most 1 ms a step, an accuracy of 1e-11"
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={
-        "tuned": StepOrder(
-            None,
-            "error-controlled Runge-Kutta-Merson: the step is only an upper bound",
-            "error-controlled Runge-Kutta, joint coordinates",
-        ),
-        "stock": StepOrder(
-            None,
-            "error-controlled Runge-Kutta-Merson, stops as springs: the step is an upper bound",
-            "error-controlled Runge-Kutta, joint coordinates",
-        ),
+        "tuned": error_controlled("Runge-Kutta-Merson: the step is only an upper bound"),
+        "stock": error_controlled("Runge-Kutta-Merson, stops as springs: the step is only an upper bound"),
     },
     option_sets=(STOCK_SET, TUNED_SET),
-    tolerances=(
-        Tolerance("tuned", "position_max", 1e-8, 1e-3, 4, _NEED),
-        Tolerance("tuned", "release_time", 1e-9, 1e-3, 4, _NEED),
-        Tolerance("tuned", "stop_torque_max", 1e-9, 1e-3, 4, _NEED, per="peak"),
+    tolerances=located_tolerances(
+        4, "error-controlled Runge-Kutta-Merson of order 4, at most 1 ms a step, an accuracy of 1e-11"
     ),
     colour="#a0522d",
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from trebucheck.engines.scheme_tables import EULER_STEPS, RK4_LOCATED, located_tolerances
 from trebucheck.engines.study import (
     REFINEMENT,
     STOCK_SET,
@@ -12,8 +13,6 @@ from trebucheck.engines.study import (
     ConstraintKinds,
     EngineStudy,
     Intervention,
-    StepOrder,
-    Tolerance,
     time_step_cause,
 )
 
@@ -27,22 +26,10 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     )  # fmt: skip
 
 
-_NEED = "fourth order: RK4 with located releases"
 STUDY = EngineStudy(
     causes=_causes,
-    step_orders={
-        "tuned": StepOrder(4.0, "RK4 in joint coordinates, events located to rounding", "RK4, joint coordinates"),
-        "stock": StepOrder(
-            1.0,
-            "semi-implicit Euler in joint coordinates, releases at a step's end",
-            "semi-implicit Euler, joint coordinates",
-        ),
-    },
+    step_orders={"tuned": RK4_LOCATED, "stock": EULER_STEPS},
     option_sets=(STOCK_SET, TUNED_SET),
-    tolerances=(
-        Tolerance("tuned", "position_max", 1e-8, 1e-3, 4, _NEED),
-        Tolerance("tuned", "release_time", 1e-9, 1e-3, 4, _NEED),
-        Tolerance("tuned", "stop_torque_max", 1e-9, 1e-3, 4, _NEED, per="peak"),
-    ),
+    tolerances=located_tolerances(),
     colour="#0b6e4f",
 )
