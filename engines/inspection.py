@@ -59,6 +59,8 @@ class Inspection:
     """One a state asked for, in the same order."""
     total_mass: float | None = None
     """[kg]; None where the engine's bodies carry other masses by construction."""
+    roundoff: float = 2.0**-53
+    """Unit roundoff of the engine's numbers, from which the check's tolerances follow."""
 
 
 @runtime_checkable

@@ -27,6 +27,7 @@ from .event_driver import Observation
 from .inspection import Dynamics, Inspection
 from .inspection import State as Asked
 from .joint_coordinates import JointCoordinates, Limit
+from .plain_run import StepAhead
 from .schemes import State
 
 
@@ -191,20 +192,37 @@ class JointLimits:
 _ROUNDING = 1e-9  # of the largest term of a limit's torque: what is left of it by rounding
 
 
-class LimitedMotion:
+class LimitedMotion(StepAhead):
     """A tree in its engine's own steps, for :func:`.plain_run.plain_run`.
 
-    The engine is a step ahead of what is shown, because the torques and reactions at an instant are those of the step
-    that begins there. Under the release-once law a limit is taken away when it no longer pushes.
+    Under the release-once law a limit is taken away when it no longer pushes.
 
     Raises:
         UnsupportedProblemError: there are loops of joints, or stops that are on no joint.
     """
 
-    def __init__(self, problem: Problem, tree: LimitedTree, timestep: float, engine: str) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        tree: LimitedTree,
+        timestep: float,
+        engine: str,
+        rounding: float = _ROUNDING,
+        soft: bool = False,
+    ) -> None:
+        """Prepare a run.
+
+        Args:
+            problem: what is to be moved.
+            tree: the engine's.
+            timestep: of its step [s].
+            engine: whose step it is, for messages.
+            rounding: of the largest term of a limit's torque, what is left of it where there is none.
+            soft: whether limits are springs, which begin without force.
+        """
         refuse_loops(problem.mechanism, engine)
-        self.tree, self.timestep, self.to = tree, timestep, tree.coordinates
-        self.limits = JointLimits(self.to, engine)
+        self.tree, self.timestep, self.to, self.rounding = tree, timestep, tree.coordinates, rounding
+        self.limits, self.waits = JointLimits(self.to, engine), soft
         self.applied = AppliedForces(Kinematics(problem.mechanism))
         self.once = problem.stop_law is StopLaw.RELEASE_ONCE
         self.active = {stop.name for stop in problem.mechanism.stops if stop.closed or not self.once}
@@ -213,45 +231,33 @@ class LimitedMotion:
         tree.place(self.to.positions(q), self.to.speeds(u))
         self.step()
 
-    def state(self) -> State:
-        """The mechanism's coordinates and speeds."""
-        return self._state
-
-    def contacts(self) -> Mapping[str, float]:
-        """Torque of each limit [N m], in the step that begins."""
-        return self._contacts
-
-    def observe(self) -> Observation:
-        """What the engine shows."""
-        return self._seen
-
-    def step(self) -> None:
-        """Show the engine's present state, and take the step that begins there."""
+    def _show_and_step(self) -> tuple[State, Mapping[str, float], Observation]:
         j, v = self.tree.state()
-        q, u = self._state = self.to.mechanism_positions(j), self.to.mechanism_speeds(v)
+        q, u = self.to.mechanism_positions(j), self.to.mechanism_speeds(v)
         forces = self.to.forces(self.applied.generalized(q, u))
         # Read before the step: engines look at their present state for it.
         mass, bias = self.tree.mass_matrix(j), self.tree.bias(j, v)
         reactions = self.tree.step(forces)
         after = self.tree.state()
         change = (after[1] - v) / self.timestep
-        self._contacts = self._pushing(mass * change, bias - forces)
+        contacts = self._pushing(mass * change, bias - forces)
         seen = replace(self.tree.observe(j, v, change), reactions=reactions)
-        self._seen = without_others(seen, self.applied, (q, u), self.applied.on_bodies(q, u))
         self.tree.place(*after)
-        if self.once:
-            self._let_go()
+        if self.once and not self.waits:
+            self._let_go(contacts)
+        self.waits = False
+        return (q, u), contacts, without_others(seen, self.applied, (q, u), self.applied.on_bodies(q, u))
 
     def _pushing(self, inertial: FloatArray, others: FloatArray) -> dict[str, float]:
         torques = inertial.sum(axis=1) + others
-        rounding = _ROUNDING * max(float(np.abs(inertial).max()), float(np.abs(others).max()))
+        rounding = self.rounding * max(float(np.abs(inertial).max()), float(np.abs(others).max()))
         found = {
             name: self.limits.places[name][1] * float(torques[self.limits.places[name][0]]) for name in self.active
         }
         return {name: torque if torque > rounding else 0.0 for name, torque in found.items()}
 
-    def _let_go(self) -> None:
-        open_now = {name for name in self.active if not self._contacts[name]}
+    def _let_go(self, contacts: Mapping[str, float]) -> None:
+        open_now = {name for name in self.active if not contacts[name]}
         if open_now:
             self.active -= open_now
             self._set_limits()

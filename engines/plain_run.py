@@ -36,6 +36,35 @@ class OwnStops(Protocol):
         ...
 
 
+class StepAhead:
+    """An engine that is a step ahead of what is shown: forces at an instant are those of the step that begins there.
+
+    Subclasses give :meth:`_show_and_step`, and call :meth:`step` once when they are ready.
+    """
+
+    _shown: tuple[State, Mapping[str, float], Observation]
+
+    def _show_and_step(self) -> tuple[State, Mapping[str, float], Observation]:
+        """Take the step that begins in the present state; return that state, and the forces and sights in it."""
+        raise NotImplementedError
+
+    def step(self) -> None:
+        """Show the present state, and take the step that begins there."""
+        self._shown = self._show_and_step()
+
+    def state(self) -> State:
+        """The mechanism's coordinates and speeds."""
+        return self._shown[0]
+
+    def contacts(self) -> Mapping[str, float]:
+        """Force of each limit [N m], in the step that begins."""
+        return self._shown[1]
+
+    def observe(self) -> Observation:
+        """What the engine shows."""
+        return self._shown[2]
+
+
 def plain_run(problem: Problem, motion: OwnStops, engine: str, timestep: float) -> Recording:
     """Step an engine through a problem, in whole steps up to its end or just beyond it, and record it after each.
 

@@ -4,7 +4,7 @@ Of each: install it with trebucheck, run its tests, the suite of conformance, a 
 of its time step; then write `results/NAME.json`. A stage that has ended, well or not, is not run again while trebucheck
 and the plug-in are the same files; `--again` runs all of it. What fails is listed at the end, and nothing else is lost.
 
-Called by `make plugins`; needs nothing but Python. Usage: python plugins/run.py SOURCE [--budget SECONDS] [--again] NAME...
+Called by `make plugins`; needs nothing but Python: python plugins/run.py SOURCE [--budget SECONDS] [--again] NAME...
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class Plugin:
             return
         python = str(self.programs / "python")
         pytest = [python, "-m", "pytest", "-q", "-c", "/dev/null", "-p", "no:cacheprovider", "--rootdir", str(HERE)]
-        tests = [str(HERE / self.name / "tests"), str(HERE / "tests")]
+        tests = [str(path) for path in (HERE / self.name / "tests", HERE / "tests") if path.is_dir()]
         self.stage("tests", lambda: self.call([*pytest, *tests], 20 * self.budget), always=True)
         conform = [*self.trebucheck("conform", f"{self.name}/tuned"), "--out", str(self.folder / "conformance")]
         self.stage("conform", lambda: self.call(conform, 20 * self.budget))

@@ -33,6 +33,10 @@ EXACT = 1e-10
 ROUNDING = 1e-14
 """Of sums and solutions of well conditioned equations, of a quantity's size."""
 
+DOUBLE = 2.0**-53
+_ROUNDINGS = 100
+"""Of an engine's numbers: a matrix of a tree sums ten terms of ten operations each."""
+
 _EXACT_REASON = "the engine's own quantities, to rounding"
 
 
@@ -53,7 +57,10 @@ def check_model(engine: Engine, mechanism: Mechanism) -> Equality:
     except Exception as error:
         note = f"{engine.name} could not be looked into: {type(error).__name__}: {error}"
         return Equality(exposed=True, note=note, checks=(_exactly("inspection", None, None),))
-    return Equality(exposed=True, states=len(states), checks=tuple(_checks(mechanism, states, inspection)))
+    checks = tuple(_checks(mechanism, states, inspection))
+    if inspection.roundoff > DOUBLE:
+        checks = tuple(_of_few_digits(check, inspection.roundoff) for check in checks)
+    return Equality(exposed=True, states=len(states), checks=checks)
 
 
 @dataclass(frozen=True)
@@ -289,6 +296,13 @@ def _of_solution(check: Check, reference: Expected) -> Check:
         return check
     reason = f"rounding, over the {reference.independence:.2g} by which constraints are independent"
     return check.model_copy(update={"tolerance": reference.solved, "reason": reason})
+
+
+def _of_few_digits(check: Check, roundoff: float) -> Check:
+    """With the tolerance of an engine whose numbers have fewer digits than double precision."""
+    digits = max(check.tolerance, _ROUNDINGS * roundoff * check.tolerance / EXACT)
+    reason = f"{_ROUNDINGS} roundings of the engine's numbers, {roundoff:.1e} each"
+    return check.model_copy(update={"tolerance": digits, "reason": reason})
 
 
 def _by_name(name: str, subjects: Sequence[str], difference: FloatArray, scale: FloatArray) -> Check:

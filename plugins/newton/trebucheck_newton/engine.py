@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import ClassVar, Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
-from trebucheck.engines.plain_run import plain_run
+from trebucheck.engines.inspection import Inspection, State
+from trebucheck.engines.joint_coordinates import JointCoordinates
+from trebucheck.engines.joint_tree import JointLimits, LimitedMotion, TreeMotion
+from trebucheck.engines.plain_run import OwnStops, plain_run
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
 from trebucheck.models.features import Basic, Feature
+from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Positive
 
 from .study import STUDY
+
+if TYPE_CHECKING:
+    from .tree import NewtonTree
 
 
 class NewtonEngine(BuiltinEngine):
@@ -34,7 +43,7 @@ class NewtonEngine(BuiltinEngine):
         located_releases=False,
         stop_laws=frozenset({StopLaw.RELEASE_ONCE}),
         formulation="minimal relative joints, state in single precision; MuJoCo's RK4, limits as soft constraints "
-        "(stock: Featherstone's algorithm by semi-implicit Euler, no stops)",
+        "(stock: Featherstone's algorithm by semi-implicit Euler, limits as springs and dampers)",
         features=frozenset(Feature) - {Feature.MOVING_WALL},
         lacking=frozenset({Basic.LOOP, Basic.POINT_STOP, Basic.REBOUND}),
     )
@@ -46,10 +55,33 @@ class NewtonEngine(BuiltinEngine):
     )
 
     def _run(self, problem: Problem) -> Recording:
-        import warp
-
-        warp.config.log_level = warp.LOG_ERROR  # it would tell of each kernel on the standard output
+        _quieten()
         from .motion import Motion
 
-        motion = Motion(problem, self.solver, self.timestep, self.limit_frequency)
+        tree = self._tree(problem.mechanism)
+        if self.solver == "mujoco":
+            motion: OwnStops = Motion(problem, tree)
+        else:
+            solver = "newton's SolverFeatherstone"
+            motion = LimitedMotion(problem, tree, self.timestep, solver, tree.rounding, soft=True)
         return plain_run(problem, motion, self.name, self.timestep)
+
+    def _tree(self, mechanism: Mechanism) -> NewtonTree:
+        from .tree import NewtonTree
+
+        limits = JointLimits(JointCoordinates(mechanism), "newton")
+        closed = [stop.name for stop in mechanism.stops if stop.closed]
+        return NewtonTree(mechanism, limits.ranges(closed), self.limit_frequency, self.timestep)
+
+    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
+        """The built articulation's mass matrix, forces and accelerations in each state, in single precision."""
+        self.refuse_absence()
+        _quieten()
+        found = TreeMotion(self._tree(mechanism)).inspect(states)
+        return replace(found, roundoff=float(np.finfo(np.float32).eps / 2))
+
+
+def _quieten() -> None:
+    import warp
+
+    warp.config.log_level = warp.LOG_ERROR  # it would tell of each kernel on the standard output

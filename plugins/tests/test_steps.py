@@ -1,0 +1,110 @@
+"""Of the plug-ins that are installed: orders of their steps, and their own limits. Agreement is `trebucheck conform`'s.
+
+Each plug-in has an environment of its own, so that mostly one of the cases runs; where none is installed, all are
+skipped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from trebucheck.models.problems.registry import benchmark
+from trebucheck.reference.solver import solve
+
+FREE_SWING = tb.Problem(tb.fixed().model_copy(update={"stops": ()}), duration=2.0)
+FREE_SWING_BAR = 1e-8  # [m] at a preset's working settings
+
+
+@dataclass(frozen=True)
+class Steps:
+    """What is known of a preset's steps."""
+
+    engine: str
+    preset: str
+    step: float
+    """[s] from which the order shows, to its half."""
+    limits: Mapping[str, object] | None = None
+    """Options with which limits of its own hold; None: it has none."""
+    forces: bool = True
+    """Whether its reactions are of its order."""
+    options: Mapping[str, object] = field(default_factory=dict[str, object])
+
+    def __str__(self) -> str:
+        return f"{self.engine}-{self.preset}"
+
+    def run(self, problem: tb.Problem, step: float | None = None, **options: object) -> tb.Trajectory:
+        """The engine's motion."""
+        if self.engine not in tb.engines():
+            pytest.skip(f"{self.engine} is not installed")
+        return tb.engine(self.engine, self.preset, timestep=step or self.step, **options).simulate(problem)
+
+
+OWN = (
+    Steps("dart", "stock", 4e-3, limits={}),
+    # Its joint sensors are wrong in motion, its own solver of the limits ends too early; see its README.
+    Steps("pybullet", "stock", 4e-3, limits={"solver_iterations": 500, "solver_threshold": 0.0}, forces=False),
+    Steps("pinocchio", "stock", 2e-3),
+    Steps("drake", "stock", 2e-3),
+)
+"""Those of first order."""
+MOVED = tuple(Steps(name, "tuned", 8e-3) for name in ("pinocchio", "dart", "pybullet", "mjx"))
+"""Those that RK4 moves."""
+EXACT = (*MOVED, *(Steps(name, "tuned", 1e-3) for name in ("drake", "opensim")))
+
+
+def _errors(found: tb.Trajectory, problem: tb.Problem) -> tuple[float, float]:
+    """Greatest distance of a marker from where it should be [m]; greatest error of a reaction [N]."""
+    truth = solve(problem).trajectory(found.t)
+    points = [np.abs(m.position - truth.markers[name].position).max() for name, m in found.markers.items()]
+    forces = [np.abs(force - truth.joint_reactions[name]).max() for name, force in found.joint_reactions.items()]
+    return float(max(points)), float(max(forces))
+
+
+@pytest.mark.parametrize("steps", [*OWN, *MOVED], ids=str)
+def test_the_order_is_the_one_that_is_claimed(steps: Steps) -> None:
+    coarse, fine = (_errors(steps.run(FREE_SWING, h), FREE_SWING) for h in (steps.step, steps.step / 2))
+    claimed = tb.engine(steps.engine, steps.preset).study().step_orders[steps.preset].order  # type: ignore[attr-defined]
+    assert np.log2(coarse[0] / fine[0]) == pytest.approx(claimed, abs=0.3)
+    # Forces of an RK4 are those of its states; some of them are better than they at the longer step.
+    assert not steps.forces or np.log2(coarse[1] / fine[1]) > claimed - 0.5
+
+
+@pytest.mark.parametrize("steps", EXACT, ids=str)
+def test_the_free_swing_is_within_its_bar(steps: Steps) -> None:
+    assert _errors(steps.run(FREE_SWING, 1e-3), FREE_SWING)[0] < FREE_SWING_BAR
+
+
+@pytest.mark.parametrize("steps", OWN, ids=str)
+def test_the_limit_of_its_steps_is_the_reference(steps: Steps) -> None:
+    """By Richardson's extrapolation of steps h, h / 2 and h / 4 at the end, of the first order."""
+    (q0, q1, q2) = (steps.run(FREE_SWING, h).q[-1] for h in (1e-3, 5e-4, 2.5e-4))
+    a, b = 2 * q1 - q0, 2 * q2 - q1
+    truth = solve(FREE_SWING).trajectory(np.array([2.0])).q[-1]
+    # 16 m from the axis; what is left of the second extrapolate's error is of the third order.
+    assert 16 * np.abs((4 * b - a) / 3 - truth).max() < 1e-5
+
+
+@pytest.mark.parametrize("model", ["fixed", "rolling"])
+@pytest.mark.parametrize("steps", [each for each in OWN if each.limits is not None], ids=str)
+def test_its_own_limits_hold(steps: Steps, model: str) -> None:
+    problem, h = tb.Problem(tb.model(model), duration=1.4), 1e-3
+    found = steps.run(problem, h, **(steps.limits or {}))
+    truth = solve(tb.Problem(problem.mechanism, duration=1.4 + h)).trajectory(found.t)
+    for name, time in truth.release_times.items():
+        released, torques = found.release_times[name], truth.stop_torques[name]
+        assert (released is None) == (time is None)
+        # A step late by the scheme, and one by its end.
+        assert released is None or time is None or abs(released - time) <= 2 * h
+        # First order in the step: of a torque that ends in some tenths of a second, a step is a hundredth.
+        assert np.abs(found.stop_torques[name] - torques).max() <= 1e-2 * max(torques.max(), 1.0)
+
+
+@pytest.mark.parametrize(("problem", "word"), [("slider-crank", "loop"), ("bouncing", "restitution")])
+@pytest.mark.parametrize("steps", [each for each in OWN if each.engine != "pinocchio"], ids=str)
+def test_its_own_step_refuses_what_it_cannot(steps: Steps, problem: str, word: str) -> None:
+    with pytest.raises(tb.UnsupportedProblemError, match=word):
+        steps.run(benchmark(problem).problem(), 1e-3)
