@@ -52,6 +52,8 @@ class Plugin:
     source: Path
     budget: float
     again: bool
+    only: tuple[str, ...] = ()
+    """How the names of the stages begin that are asked for; all if empty."""
     done: dict[str, tuple[int, float]] = field(default_factory=dict[str, tuple[int, float]])
     """Exit code and seconds of each stage."""
 
@@ -70,16 +72,17 @@ class Plugin:
         pytest = [python, "-m", "pytest", "-q", "-c", "/dev/null", "-p", "no:cacheprovider", "--rootdir", str(HERE)]
         tests = [str(path) for path in (HERE / self.name / "tests", HERE / "tests") if path.is_dir()]
         self.stage("tests", lambda: self.call([*pytest, *tests], 20 * self.budget), always=True)
+        for study, batches in (("compare", MACHINES), ("converge", SWEPT), ("compare", self.library())):
+            for name, batch in batches.items():
+                self.stage(f"{study} {name}", lambda s=study, n=name, of=batch: self.studied(s, n, of))
+        self.stage("matrix", self.matrix, always=True)
         conform = [*self.trebucheck("conform", f"{self.name}/tuned"), "--out", str(self.folder / "conformance")]
         self.stage("conform", lambda: self.call(conform, 20 * self.budget))
-        for name, batch in (MACHINES | self.library()).items():
-            self.stage(f"compare {name}", lambda n=name, of=batch: self.studied("compare", n, of, "results.json"))
-        for name, batch in SWEPT.items():
-            self.stage(f"converge {name}", lambda n=name, of=batch: self.studied("converge", n, of, "converge.json"))
-        self.stage("matrix", self.matrix, always=True)
 
     def stage(self, name: str, work: object, *, always: bool = False) -> int:
-        """Exit code of a stage, run now or before."""
+        """Exit code of a stage, run now or before; one that is not asked for is 0, and stays as it was."""
+        if self.only and name != "environment" and not any(name.startswith(each) for each in self.only):
+            return 0
         stamp = self.folder / "stages" / f"{name.replace(' ', '-')}.json"
         kept = json.loads(stamp.read_text()) if stamp.is_file() else {}
         if kept.get("key") == self.key and not (self.again or always):
@@ -126,9 +129,9 @@ class Plugin:
         """The environment's command."""
         return [str(self.programs / "trebucheck"), *arguments]
 
-    def studied(self, study: str, name: str, batch: Batch, written: str) -> int:
+    def studied(self, study: str, name: str, batch: Batch) -> int:
         """Exit code of a study of the engine: 0 if it came to an end, whatever it found."""
-        out = self.folder / study / name
+        out, written = self.folder / study / name, {"compare": "results.json"}.get(study, f"{study}.json")
         (out / written).unlink(missing_ok=True)
         command = self.trebucheck(study, "--engines", self.name, "--models", ",".join(batch.problems), *batch.arguments)
         command += ["--knobs", "timestep"] if study == "converge" else []
@@ -182,8 +185,10 @@ def main() -> int:
     parser.add_argument("names", nargs="+")
     parser.add_argument("--budget", type=float, default=120.0, help="longest wait for one run, or one diagnosis [s]")
     parser.add_argument("--again", action="store_true", help="run what has been run before, too")
+    parser.add_argument("--only", default="", help="how the names of stages begin, comma-separated: compare E,matrix")
     given = parser.parse_args()
-    plugins = [Plugin(name, given.source.resolve(), given.budget, given.again) for name in given.names]
+    only = tuple(filter(None, given.only.split(",")))
+    plugins = [Plugin(name, given.source.resolve(), given.budget, given.again, only) for name in given.names]
     for plugin in plugins:
         try:
             plugin.run()

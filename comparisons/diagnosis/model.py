@@ -14,7 +14,8 @@ from ...engines.protocol import Engine
 from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism
 from ...reference.equations import Equations
-from ..equivalence.checks import EXACT, Expected, check_model, expected, gap_errors, random_states, scaled_differences
+from ..equivalence.checks import EXACT, Expected, check_model, expected, gap_errors, scaled_differences
+from ..equivalence.states import random_states
 from ..runs.results import Cause, Diagnosis, Equality
 from .hypotheses import Hypothesis, armatures, gross_faults, hypotheses, of_suspects
 from .ranking import ranked

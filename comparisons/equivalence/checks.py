@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import chain, combinations
 
 import numpy as np
 
@@ -22,11 +21,11 @@ from ...models.arrays import FloatArray
 from ...models.errors import EngineNotInstalledError, SimulationError, UnsupportedProblemError
 from ...models.kinematics import immovable_stops, without_stops
 from ...models.mechanism import Mechanism
-from ...reference.contact import active_contacts
-from ...reference.equations import Equations, consistent_coordinates, consistent_speeds
+from ...reference.equations import Equations
 from ...reference.reactions import undetermined_forces
 from ..runs.results import Check, Equality
 from ..runs.scales import size
+from .states import SPEED, random_states
 
 EXACT = 1e-10
 """Of a quantity's size: four digits above rounding, and six below the smallest fault that is seeded."""
@@ -34,8 +33,9 @@ ROUNDING = 1e-14
 """Of sums and solutions of well conditioned equations, of a quantity's size."""
 
 DOUBLE = 2.0**-53
-_ROUNDINGS = 100
-"""Of an engine's numbers: a matrix of a tree sums ten terms of ten operations each."""
+_ROUNDINGS = 1000
+"""Of an engine's numbers: ten bodies with ten operations each, and a digit that absolute angles lose, being differences
+of joint angles. Of single precision that is 6e-5: below the smallest fault that is seeded, 1e-4."""
 
 _EXACT_REASON = "the engine's own quantities, to rounding"
 
@@ -82,6 +82,8 @@ class Expected:
     """The same by stop, of the lightest coordinate that it acts on."""
     independence: float = math.inf
     """Least singular value of the constraints in all states, with lengths in parts of the mechanism's size."""
+    weights: FloatArray | None = None
+    """At most what gravity does to each coordinate, shape (n_q,); given where forces are sums of rounded terms."""
 
     @property
     def solved(self) -> float:
@@ -97,14 +99,15 @@ class Expected:
     @cached_property
     def force_scale(self) -> FloatArray:
         """Size of the forces, by coordinate."""
-        return _scale_of(self.forces, self.inertial)
+        scale = _scale_of(self.forces, self.inertial)
+        return scale if self.weights is None else np.maximum(scale, self.weights)
 
     @cached_property
     def acceleration_scale(self) -> FloatArray:
         """Size of the accelerations, by coordinate."""
         inertia = self.mass.max(axis=0).diagonal()
         # Of a coordinate that constraints hold still: what the forces that they balance would do.
-        held = np.abs(self.forces).max(axis=0) / inertia
+        held = (np.abs(self.forces).max(axis=0) if self.weights is None else self.force_scale) / inertia
         return np.maximum(_scale_of(self.accelerations, self.inertial / inertia), held)
 
     @cached_property
@@ -138,7 +141,7 @@ def expected(mechanism: Mechanism, states: Sequence[State], equations: Equations
     gaps = {stop.name: kinematics.gap(stop.name, q).tolist() for stop in mechanism.stops}
     rows = [kinematics.point(body.name, body.centre) for body in mechanism.bodies]
     units = units_of(mechanism)
-    least = (_SPEED * units.coordinates(mechanism) / units.time) ** 2
+    least = (SPEED * units.coordinates(mechanism) / units.time) ** 2
     inertial = equations.mass_matrix(q).max(axis=0).diagonal() * np.maximum(np.square(u).max(axis=0), least)
     return Expected(
         mass=equations.mass_matrix(q),
@@ -218,6 +221,8 @@ def _scale_of(values: FloatArray, inertial: FloatArray) -> FloatArray:
 
 def _checks(mechanism: Mechanism, states: Sequence[State], inspection: Inspection) -> Iterator[Check]:
     reference = expected(mechanism, states)
+    if inspection.roundoff > DOUBLE:
+        reference = replace(reference, weights=_weights(mechanism, reference.mass))
     yield from _start_and_mass(mechanism, inspection)
     yield from _exact(mechanism, reference, inspection.dynamics)
     scale = reference.acceleration_scale
@@ -298,6 +303,12 @@ def _of_solution(check: Check, reference: Expected) -> Check:
     return check.model_copy(update={"tolerance": reference.solved, "reason": reason})
 
 
+def _weights(mechanism: Mechanism, mass: FloatArray) -> FloatArray:
+    """Gravity's generalized forces at most: by Schwarz' inequality sum m g J <= g sqrt(sum m) sqrt(sum m J^2)."""
+    total = sum(body.mass for body in mechanism.bodies)
+    return mechanism.gravity * np.sqrt(total * np.einsum("nii->ni", mass).max(axis=0))
+
+
 def _of_few_digits(check: Check, roundoff: float) -> Check:
     """With the tolerance of an engine whose numbers have fewer digits than double precision."""
     digits = max(check.tolerance, _ROUNDINGS * roundoff * check.tolerance / EXACT)
@@ -311,78 +322,3 @@ def _by_name(name: str, subjects: Sequence[str], difference: FloatArray, scale: 
     worst = int(np.argmax(np.nan_to_num(relative, nan=np.inf)))
     value = float(relative[worst])
     return _exactly(name, subjects[worst], value if np.isfinite(value) else None)
-
-
-# In the units that engines build a mechanism in:
-_SPREAD = 0.5  # [rad or m] of the coordinates about the start
-_SPEED = 1.0  # [rad/s or m/s]
-_ROUNDING = 1e-12  # [rad/s or m/s], or of the terms whose sum is a gap speed
-_OPEN = 0.02  # [rad] least gap of an open stop: well beyond the margin at which any engine makes a contact
-_DRAWS = 60  # for one set of stops; if they are never all active, those that are are taken
-
-
-def random_states(mechanism: Mechanism, n: int = 24, seed: int = 20) -> tuple[State, ...]:
-    """States over all sets of stops that are closed at the start, the same ones each time.
-
-    The first one is the start itself, with the stops that are active there; if its speeds move the gap of a closed
-    stop, with the nearest ones that do not. Fewer than n come back only where a machine allows no state with its other
-    stops open near the start.
-
-    Args:
-        n: how many.
-        seed: of the random numbers.
-    """
-    units = units_of(mechanism)  # a state far off a small machine is none that an engine has to get right
-    equations = Equations(units.mechanism(mechanism))
-    sets = _subsets([stop.name for stop in mechanism.stops if stop.closed])
-    random = np.random.default_rng(seed)
-    states = [_start(equations)]
-    for k in range(n - 1):
-        state = _state(equations, sets[k % len(sets)], random)
-        if state is not None:
-            states.append(state)
-    return tuple(units.inverse.states(mechanism, states))
-
-
-def _subsets(names: list[str]) -> list[tuple[str, ...]]:
-    return list(chain.from_iterable(combinations(names, size) for size in range(len(names), -1, -1)))
-
-
-def _start(equations: Equations) -> State:
-    mechanism = equations.mechanism
-    q = np.array(mechanism.start)
-    u = np.array(mechanism.start_speeds or [0.0] * len(q))
-    touching = tuple(stop.name for stop in mechanism.stops if stop.closed)
-    if not all(_rests(equations, stop, q, u) for stop in touching):
-        u = consistent_speeds(equations, q, u, touching)
-    return State(q, u, active_contacts(equations, q, u, touching))
-
-
-def _rests(equations: Equations, stop: str, q: FloatArray, u: FloatArray) -> bool:
-    """Whether the gap of a stop does not move: a start may drive into a closed stop, or off it."""
-    terms = equations.kinematics.gap_jacobian(stop, q) * u
-    return abs(float(terms.sum())) <= _ROUNDING * max(1.0, float(np.abs(terms).sum()))
-
-
-def _state(equations: Equations, touching: tuple[str, ...], random: np.random.Generator) -> State | None:
-    """A state in which exactly these stops are active; else one with fewer; None if there is none."""
-    fallback: State | None = None
-    for q, u in _draws(equations, touching, random):
-        if active_contacts(equations, q, u, touching) == touching:
-            return State(q, u, touching)
-        if fallback is None and touching:
-            fallback = _state(equations, touching[:-1], random)
-    return fallback
-
-
-def _draws(
-    equations: Equations, touching: tuple[str, ...], random: np.random.Generator
-) -> Iterator[tuple[FloatArray, FloatArray]]:
-    mechanism = equations.mechanism
-    start = np.array(mechanism.start)
-    others = [stop.name for stop in mechanism.stops if stop.name not in touching]
-    for _ in range(_DRAWS):
-        q = consistent_coordinates(equations, start + random.uniform(-_SPREAD, _SPREAD, len(start)), touching)
-        if q is None or any(float(equations.kinematics.gap(name, q)) < _OPEN for name in others):
-            continue
-        yield q, consistent_speeds(equations, q, random.uniform(-_SPEED, _SPEED, len(start)), touching)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mechanisms import TABLE_ONE
-from trebucheck.comparisons.equivalence.checks import random_states
+from trebucheck.comparisons.equivalence.states import random_states
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.models.arrays import FloatArray

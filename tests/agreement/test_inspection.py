@@ -14,7 +14,7 @@ import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given
 from mechanisms import OBLIQUE_SLOT, chain
-from trebucheck.comparisons.equivalence.checks import random_states
+from trebucheck.comparisons.equivalence.states import random_states
 from trebucheck.engines.inspection import Inspectable, Inspection, State
 from trebucheck.models.errors import SimulationError, UnsupportedProblemError
 from trebucheck.models.joints import GROUND, PinJoint

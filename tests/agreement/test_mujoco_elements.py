@@ -9,7 +9,8 @@ import pytest
 from elements import ELEMENTS, UP, WALLS, lever
 from mechanisms import everything
 from random_mechanisms import random_mechanism
-from trebucheck.comparisons.equivalence.checks import EXACT, check_model, random_states
+from trebucheck.comparisons.equivalence.checks import EXACT, check_model
+from trebucheck.comparisons.equivalence.states import random_states
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics

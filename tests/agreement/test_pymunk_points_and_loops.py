@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from mechanisms import misplaced, parallel_cranks
 from random_mechanisms import random_mechanism
-from trebucheck.comparisons.equivalence.checks import check_model, random_states
+from trebucheck.comparisons.equivalence.checks import check_model
+from trebucheck.comparisons.equivalence.states import random_states
 from trebucheck.engines.pymunk.build import build
 from trebucheck.engines.pymunk.engine import PymunkEngine
 from trebucheck.engines.pymunk.leapfrog import passes_needed

@@ -17,7 +17,8 @@ from trebucheck.comparisons.diagnosis.model import check_and_diagnose
 from trebucheck.comparisons.diagnosis.onset import active_contacts_at, growth
 from trebucheck.comparisons.diagnosis.signatures import match
 from trebucheck.comparisons.diagnosis.suspects import combined, machine_suspects
-from trebucheck.comparisons.equivalence.checks import EXACT, check_model, random_states
+from trebucheck.comparisons.equivalence.checks import EXACT, check_model
+from trebucheck.comparisons.equivalence.states import random_states
 from trebucheck.comparisons.runs.results import Cause, Diagnosis, Outcome, Run
 from trebucheck.models.machines.trebuchet import parameters_of
 from trebucheck.reference.contact import active_contacts

@@ -10,15 +10,16 @@ from typing import Any
 
 import Box2D
 import numpy as np
+from trebucheck.engines.joint_coordinates import Limit
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.joints import GROUND, AnyJoint, FreeJoint, PinJoint, WeldJoint
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.stops import Stop
+from trebucheck.models.stops import AnyStop, Stop
 
 Vector = tuple[float, float]
-_WIDE = 1e6  # [rad] a limit that is never met
+WIDE = 1e6  # [rad] a limit that is never met
 
 
 class Built:
@@ -41,23 +42,29 @@ class Built:
         self.centres: dict[str, Vector] = {GROUND: (0.0, 0.0)} | {b.name: b.centre for b in mechanism.bodies}
         self._add_bodies()
         self.joints = {joint.name: self._joint(joint) for joint in mechanism.joints if not isinstance(joint, FreeJoint)}
+        self.pins = [self.joints[joint.name] for joint in self._pins]
+        """Revolute joints, those that close loops among them."""
 
     def anchor(self, body: str, point: Vector) -> Vector:
         """A point of a body in Box2D's frame, which lies at the centre of mass."""
         centre = self.centres[body]
         return point[0] - centre[0], point[1] - centre[1]
 
-    def limited(self, stop: Any) -> tuple[Any, int]:
-        """The revolute joint of a stop, and the sense, anticlockwise, in which the stop turns its second body.
+    def limit(self, stop: AnyStop, set_back: float = 0.0) -> Limit:
+        """A stop as the end of a pin's range, anticlockwise, lying beyond it by an angle [rad].
 
         Raises:
-            UnsupportedProblemError: there is none.
+            UnsupportedProblemError: it is on no pin.
         """
-        pair = {stop.body, stop.relative_to}
-        for joint in self.mechanism.joints:
-            if isinstance(stop, Stop) and isinstance(joint, PinJoint) and {joint.parent, joint.child} == pair:
-                return self.joints[joint.name], -stop.sense if stop.body == joint.child else stop.sense
+        for index, joint in enumerate(self._pins):
+            if isinstance(stop, Stop) and {joint.parent, joint.child} == {stop.body, stop.relative_to}:
+                sense = -stop.sense if stop.body == joint.child else stop.sense
+                return Limit(index, sense, sense * (stop.limit + set_back))
         raise UnsupportedProblemError(f"box2d has limits on revolute joints alone, and stop {stop.name!r} is on none.")
+
+    @property
+    def _pins(self) -> list[AnyJoint]:
+        return [joint for joint in self.mechanism.joints if isinstance(joint, PinJoint)]
 
     def _add_bodies(self) -> None:
         mechanism, kinematics = self.mechanism, Kinematics(self.mechanism)
@@ -98,7 +105,7 @@ class Built:
         }
         turned = -(joint.turned_by or 0.0)
         if isinstance(joint, PinJoint):
-            return self.world.CreateRevoluteJoint(**ends, referenceAngle=0.0, lowerAngle=-_WIDE, upperAngle=_WIDE)
+            return self.world.CreateRevoluteJoint(**ends, referenceAngle=0.0, lowerAngle=-WIDE, upperAngle=WIDE)
         if isinstance(joint, WeldJoint):
             return self.world.CreateWeldJoint(**ends, referenceAngle=turned)
         if joint.holds_angle:

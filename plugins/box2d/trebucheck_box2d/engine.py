@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, ClassVar
 
 from pydantic import Field
+from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.plain_run import plain_run
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
 from trebucheck.models.features import Feature
+from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import NonNegative, Positive
 
@@ -73,3 +75,10 @@ class Box2DEngine(BuiltinEngine):
 
         motion = Motion(problem, self)
         return plain_run(problem, motion, self.name, self.timestep)
+
+    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
+        """Masses, inertias, anchors and gravity read back from the built world, and what follows from them."""
+        self.refuse_absence()
+        from .inspect import inspect
+
+        return inspect(mechanism, states)

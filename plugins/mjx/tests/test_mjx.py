@@ -1,6 +1,10 @@
 """MJX against the reference, and its measured order."""
 
+import subprocess
+import sys
+
 import numpy as np
+import pytest
 import trebucheck as tb
 from trebucheck.reference.solver import solve
 
@@ -20,3 +24,14 @@ def _run(problem: tb.Problem, preset: str, step: float) -> tuple[float, float]:
 def test_single_precision_has_its_floor() -> None:
     positions, forces = _run(tb.Problem(FREE_SWING, duration=1.0), "stock", 2e-3)
     assert 1e-7 < positions < 1e-3 and forces < 1e-3
+
+
+def test_nothing_is_said_of_warp_and_what_is_printed_stays(capsys: pytest.CaptureFixture[str]) -> None:
+    from trebucheck_mjx import build
+
+    with build._without_words_on_warp():  # pyright: ignore[reportPrivateUsage]
+        print("Failed to import warp: No module named 'warp'")
+        print("a user's line")
+    assert capsys.readouterr().out == "a user's line\n"
+    code = "import trebucheck_mjx.build"
+    assert subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout == ""

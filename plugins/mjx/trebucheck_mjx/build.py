@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import os
+from collections.abc import Generator
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -11,10 +14,27 @@ from typing import Any
 os.environ.setdefault("JAX_PLATFORMS", "cpu")  # double precision is not to be had elsewhere
 logging.getLogger("absl").setLevel(logging.ERROR)
 
+_WITHOUT_WARP = ("Failed to import warp:", "Failed to import mujoco_warp:")
+
+
+@contextmanager
+def _without_words_on_warp() -> Generator[None, None, None]:
+    """MJX prints on the standard output that Warp is missing, which it does not need; what else is printed is kept."""
+    printed = io.StringIO()
+    try:
+        with redirect_stdout(printed):
+            yield
+    finally:
+        kept = [line for line in printed.getvalue().splitlines(keepends=True) if not line.startswith(_WITHOUT_WARP)]
+        print("".join(kept), end="")
+
+
 import jax  # noqa: E402
 import mujoco  # noqa: E402
 import numpy as np  # noqa: E402
-from mujoco import mjx  # noqa: E402
+
+with _without_words_on_warp():
+    from mujoco import mjx
 from trebucheck.engines.mujoco.read import absolute_from_relative  # noqa: E402
 from trebucheck.models.arrays import FloatArray  # noqa: E402
 from trebucheck.models.errors import UnsupportedProblemError  # noqa: E402

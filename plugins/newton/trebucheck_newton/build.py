@@ -80,7 +80,9 @@ class Built:
     def _link(self, body: Body) -> int:
         centre = body.centre
         inertia = max(body.inertia, _LEAST * body.mass * max(math.hypot(*centre), 1e-3) ** 2)
-        moment = np.diag([0.5 * inertia + 1e-12, 0.5 * inertia + 1e-12, inertia])
+        moment = inertia * np.eye(
+            3
+        )  # Newton corrects inertias of flat bodies, whose two add up to the third, by rounding
         found = int(self.builder.add_link(
             mass=body.mass, com=wp.vec3(*centre, 0.0), inertia=wp.mat33(moment.tolist()), label=body.name,
         ))  # fmt: skip
