@@ -32,6 +32,8 @@ class BestThrow:
     """When the first sweep is over [s]; what follows is chaotic."""
     surroundings: Surroundings
     """Of the flight."""
+    projectile: Projectile
+    """Its continuous motion, longer than the first sweep."""
     motion: RecordedMotion
     """Up to the release; it has no keyframes."""
 
@@ -49,7 +51,7 @@ def best_throw(mechanism: Mechanism) -> BestThrow:
     return _best_throw(cast("Any", mechanism))  # type checkers do not see that a description has a hash
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=128)
 def _best_throw(mechanism: Mechanism) -> BestThrow:
     projectile = swing(mechanism, stop_law=StopLaw.UNILATERAL, spans=_SPANS)
     surroundings = surroundings_of(projectile, Air(), 0.0)
@@ -57,9 +59,8 @@ def _best_throw(mechanism: Mechanism) -> BestThrow:
     farthest = 0.0 if release is None else fly(release, surroundings).range
     if release is None or farthest <= 0:
         raise InputError(f"{mechanism.name!r} with these parameters throws nothing forwards, whenever it releases.")
-    return BestThrow(
-        release.time, farthest, projectile.sweep()[1], surroundings, _path(mechanism, projectile, release.time)
-    )
+    path = _path(mechanism, projectile, release.time)
+    return BestThrow(release.time, farthest, projectile.sweep()[1], surroundings, projectile, path)
 
 
 def _path(mechanism: Mechanism, projectile: Projectile, end: float) -> RecordedMotion:

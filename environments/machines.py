@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
+import numpy as np
 from numpy.random import Generator
 
 from ..models.errors import InputError, SimulationError
@@ -41,7 +42,7 @@ class Machines:
     """Lengths and masses are drawn evenly between 1 - spread and 1 + spread of their values."""
 
     def __post_init__(self) -> None:
-        if not 0 <= self.spread < 1:
+        if not (is_number(self.spread) and 0 <= self.spread < 1):
             raise InputError(f"spread = {self.spread!r} must be at least 0 and less than 1.")
         _refuse_others(self.given)
         if isinstance(self.given, Mechanism) and (self.parameters or self.spread):
@@ -79,6 +80,22 @@ class Machines:
             except (InputError, SimulationError) as error:
                 reasons.append(str(error))
         raise InputError(f"spread = {self.spread!r}: none of {_DRAWS} machines drawn throws; the last: {reasons[-1]}")
+
+
+def is_number(value: object) -> bool:
+    """Whether something is a finite number."""
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and bool(np.isfinite(value))
+
+
+def checked_mapping(name: str, given: object) -> dict[str, Any]:
+    """What was given by name, or nothing.
+
+    Raises:
+        InputError: it is no mapping.
+    """
+    if not isinstance(given, Mapping | None):
+        raise InputError(f"{name} = {given!r} must be a mapping of names to values, or None.")
+    return dict(cast("Mapping[str, Any]", given or {}))
 
 
 def _refuse_others(given: object) -> None:

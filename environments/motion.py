@@ -1,117 +1,116 @@
-"""A machine moved by plain steps of MuJoCo, read in its mechanism's coordinates; and its pictures."""
+"""A machine's reference motion at the times of an episode's actions, and what a release at one of them throws."""
 
 from __future__ import annotations
 
-import importlib
-from typing import Any
+import math
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..models.arrays import FloatArray
-from ..models.errors import EngineNotInstalledError, SimulationError
+from ..models.errors import InputError
 from ..models.mechanism import Mechanism
-from ..models.mjcf.recorded import HOME, RecordedMotion
-from ..models.mjcf.scene import scene
-from ..models.mjcf.tree import joint_values
-from ..models.mjcf.writer import mjcf, model_file
+from ..reference.solver import characteristic_time
+from ..reference.throw.flight import Flight, fly
+from ..reference.throw.release import Projectile
+from .best_throw import BestThrow
 
-LARGEST_PICTURE = (1280, 960)
-"""Width and height that the scene allows."""
+Observation = NDArray[np.float32]
+
+BOUND = 100.0
+"""Of observed speeds and slides, which have no unit; most are of order one to thirty."""
+_BLOCK = 256  # times that are read from the solution at once
 
 
-def mujoco() -> Any:
-    """The library.
+@dataclass(frozen=True)
+class State:
+    """Of the machine with its projectile, at one time."""
 
-    Raises:
-        EngineNotInstalledError: it cannot be imported.
-    """
-    try:
-        return importlib.import_module("mujoco")
-    except ImportError as error:
-        raise EngineNotInstalledError(f"this environment needs MuJoCo: {error}") from error
+    q: FloatArray
+    u: FloatArray
+    velocity: FloatArray
+    """Of the projectile [m/s], shape (2,)."""
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Of several times, one a row."""
+
+    q: FloatArray
+    u: FloatArray
+    velocity: FloatArray
+    observed: Observation
 
 
 class Motion:
-    """One machine's motion from its start.
+    """The first sweep of one machine, in control steps; the last one may be shorter.
 
-    Raises:
-        EngineNotInstalledError: MuJoCo is not installed.
-        SimulationError: MuJoCo refuses the model.
-        UnsupportedProblemError: it cannot be written as MJCF.
+    Stops close again, as MuJoCo's do, and without rebound. The release changes nothing that came before it, so there is
+    no need to step: states are read from the reference's continuous solution.
     """
 
-    def __init__(self, mechanism: Mechanism, timestep: float) -> None:
-        self.mechanism, self.timestep = mechanism, timestep
-        self._library = mujoco()
-        try:
-            self._model = self._library.MjModel.from_xml_string(mjcf(mechanism, timestep))
-        except ValueError as error:
-            raise SimulationError(f"MuJoCo refuses the model of {mechanism.name!r}: {error}") from error
-        # Without this flag MuJoCo resets a diverged simulation to the start and goes on.
-        self._model.opt.disableflags |= self._library.mjtDisableBit.mjDSBL_AUTORESET
-        self._data = self._library.MjData(self._model)
-        units = np.eye(len(mechanism.coordinates)).tolist()
-        self._from_joints = np.linalg.inv(np.array([joint_values(mechanism, unit) for unit in units]).T)
-        self.reset()
-
-    def reset(self) -> None:
-        """Back to the start."""
-        self._library.mj_resetDataKeyframe(self._model, self._data, self._model.key(HOME).id)
-
-    def advance(self, steps: int) -> None:
-        """Make some steps.
-
-        Raises:
-            SimulationError: the simulation diverged.
-        """
-        self._library.mj_step(self._model, self._data, nstep=steps)
-        if not (np.isfinite(self._data.qpos).all() and np.isfinite(self._data.qvel).all()):
-            raise SimulationError(
-                f"{self.mechanism.name!r} diverged in MuJoCo before {self._data.time:.4g} s at a time step of "
-                f"{self.timestep:g} s; a smaller one is needed."
-            )
+    def __init__(self, best: BestThrow, control_step: float) -> None:
+        self._best, self._control_step = best, control_step
+        self._scales = _scales(self.projectile.mechanism)
+        self._block, self._read = 0, self._block_at(self._times(0))
 
     @property
-    def state(self) -> tuple[FloatArray, FloatArray]:
-        """Coordinates and speeds of the mechanism, each of shape (n_q,)."""
-        q, u = (self._from_joints @ values for values in (self._data.qpos, self._data.qvel))
-        return np.asarray(self.mechanism.start) + q, u
+    def projectile(self) -> Projectile:
+        """What is thrown."""
+        return self._best.projectile
 
-    def camera(self, path: RecordedMotion, width: int, height: int) -> Camera:
-        """A camera whose picture the path fills."""
-        return Camera(self.mechanism, self.timestep, path, (width, height))
+    @property
+    def steps(self) -> int:
+        """Control steps until the sweep is over."""
+        return math.ceil(self._best.sweep_end / self._control_step)
 
-    def show(self, camera: Camera) -> FloatArray:
-        """A picture, shape (height, width, 3), of bytes."""
-        return camera.picture(self._data.qpos)
+    def time(self, step: int) -> float:
+        """After so many control steps [s]."""
+        return min(step * self._control_step, self._best.sweep_end)
 
+    def state(self, step: int) -> State:
+        """After so many control steps; at an impact, after it."""
+        block, row = self._at(step)
+        return State(block.q[row], block.u[row], block.velocity[row])
 
-class Camera:
-    """The machine in its scene, drawn off screen.
+    def observation(self, step: int) -> Observation:
+        """After so many control steps, without units."""
+        block, row = self._at(step)
+        return block.observed[row].copy()
 
-    Raises:
-        SimulationError: nothing can be drawn here.
-    """
+    def _at(self, step: int) -> tuple[_Block, int]:
+        """What is read of the solution around a step, and the row in it."""
+        block, row = divmod(step, _BLOCK)
+        if block != self._block:
+            self._block, self._read = block, self._block_at(self._times(block))
+        return self._read, row
 
-    def __init__(self, mechanism: Mechanism, timestep: float, path: RecordedMotion, size: tuple[int, int]) -> None:
-        self._library, file = mujoco(), model_file(mechanism)
-        text, files = scene(mechanism, file, path), {file: mjcf(mechanism, timestep).encode()}
-        self._model = self._library.MjModel.from_xml_string(text, files)
-        self._data = self._library.MjData(self._model)
+    def _times(self, block: int) -> FloatArray:
+        steps = range(block * _BLOCK, min((block + 1) * _BLOCK, self.steps + 1))
+        return np.array([self.time(step) for step in steps])
+
+    def _block_at(self, times: FloatArray) -> _Block:
+        motion = self.projectile.solution.motion(times)
+        kinematics = self.projectile.solution.equations.kinematics
+        _, velocity, _ = kinematics.point_motion(self.projectile.marker, motion.q, motion.u, motion.a)
+        angles, slides = np.split(motion.q, [len(self.projectile.mechanism.angles)], axis=1)
+        plain = np.concatenate([np.cos(angles), np.sin(angles), slides, motion.u, velocity], axis=1)
+        observed = np.clip(plain / self._scales, -BOUND, BOUND).astype(np.float32)
+        return _Block(motion.q, motion.u, velocity, observed)
+
+    def thrown(self, step: int) -> Flight | None:
+        """The flight of a release then; None if it never comes up to the landing's height."""
         try:
-            self._renderer = self._library.Renderer(self._model, size[1], size[0])
-        except Exception as error:  # whatever the graphics libraries raise
-            raise SimulationError(
-                f"MuJoCo cannot draw here: {error}; without a display it needs MUJOCO_GL=egl or MUJOCO_GL=osmesa."
-            ) from error
+            return fly(self.projectile.release_at(self.time(step)), self._best.surroundings)
+        except InputError:
+            return None
 
-    def picture(self, joints: FloatArray) -> FloatArray:
-        """With these values of MuJoCo's joints."""
-        self._data.qpos[:] = joints
-        self._library.mj_forward(self._model, self._data)
-        self._renderer.update_scene(self._data, "side")
-        return self._renderer.render().copy()
 
-    def close(self) -> None:
-        """Give the graphics memory back."""
-        self._renderer.close()
+def _scales(mechanism: Mechanism) -> FloatArray:
+    """Units of the observation's components."""
+    time = characteristic_time(mechanism)
+    length, turning = mechanism.gravity * time**2, len(mechanism.angles)
+    sliding = len(mechanism.coordinates) - turning
+    own = [1.0] * 2 * turning + [length] * sliding
+    return np.array([*own, *[1 / time] * turning, *[length / time] * (sliding + 2)])

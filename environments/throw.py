@@ -1,31 +1,25 @@
-"""When to let go: a trebuchet swings in MuJoCo, and the one action that counts is the release."""
+"""When to let go: a trebuchet swings, and the one action that counts is the release."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import gymnasium
 import numpy as np
 from gymnasium.error import ResetNeeded
-from numpy.typing import NDArray
 
-from ..models.arrays import FloatArray
 from ..models.errors import InputError
-from ..models.kinematics import Kinematics
 from ..models.mechanism import Mechanism
-from ..reference.solver import characteristic_time
-from ..reference.throw.flight import Release, fly
-from .machines import Machine, Machines
-from .motion import LARGEST_PICTURE, Camera, Motion
+from ..reference.throw.flight import Flight
+from .machines import Machine, Machines, checked_mapping, is_number
+from .motion import BOUND, Motion, Observation
+from .pictures import LARGEST_PICTURE, Instant, Picture, Stage, Window
 
 HOLD, RELEASE = 0, 1
 """The two actions."""
 
-Observation = NDArray[np.float32]
-_BOUND = 100.0  # of observed speeds and slides, which have no unit; most are of order one to thirty
-_PROJECTILE = "projectile"
+Result = tuple[Observation, float, bool, bool, dict[str, Any]]
 _OPTIONS = ("parameters", "spread")
 
 
@@ -33,40 +27,49 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
     """Release the projectile so that it flies far: `trebucheck/Throw-v0`.
 
     Each episode has another machine, drawn around a named one: all its lengths and masses (with which its best release
-    moves by some tenths of a second). It starts at rest on its stops and is moved by plain steps of MuJoCo.
+    moves by some tenths of a second). It starts at rest on its stops and moves as the reference has it: before the
+    release no action changes the motion, and MuJoCo's limits give back some of an impact's speed, however short its
+    steps are, which would shift rewards by a hundredth behind an impact. MuJoCo draws.
 
     **Actions**: :data:`HOLD` (0) moves on by a control step; :data:`RELEASE` (1) lets go at once and ends the episode.
+    With `flight`, it goes on to the landing, whatever the actions, for those who want to see it.
 
     **Observation**: what :attr:`observation_names` lists. Cosine and sine of each angle (from +x, clockwise), slides,
     the speeds of all of these, and the projectile's velocity, x and y. With T = sqrt(L / g), L the sum of the links'
-    lengths, slides are in units of L, speeds in 1 / T, L / T; they are cut at 100.
+    lengths, slides are in units of L, speeds in 1 / T, L / T; they are cut at 100. In flight it is that of the release.
 
-    **Reward**: the range over the longest one of this machine's first sweep, by the certified reference; it is 0 while
-    holding and where the projectile never comes up to the landing's height. The flight is a parabola, the landing as
-    high as the fulcrum at the start, and the range is measured from there (as :func:`trebucheck.throw` has it).
+    **Reward**: the range over the longest one of this machine's first sweep, both by the reference; it is 0 while
+    holding, in flight, and where the projectile never comes up to the landing's height. The flight is a parabola, the
+    landing as high as the fulcrum at the start, and the range is measured from there (as :func:`trebucheck.throw` has
+    it).
 
-    **End**: terminated at the release, truncated when the first sweep is over: what follows is chaotic.
+    **End**: terminated at the release (with `flight`, at the landing), truncated when the first sweep is over: what
+    follows is chaotic.
 
-    `info` has `time` [s]; after a reset `best_range` [m], `best_time` [s] and the machine's `parameters`; after a
-    release that lands `range` [m] and `flight_time` [s].
+    `info` has `time` [s] since the start of the episode; after a reset `best_range` [m], `best_time` [s] and the
+    machine's `parameters`; with a landing `range` [m] and `flight_time` [s].
+
+    **Pictures**: "rgb_array" draws off screen; "human" opens MuJoCo's viewer, in real time, and a new one for each new
+    machine. After the release the machine is moved on by plain steps of MuJoCo, for the picture only.
 
     Args:
         model: name of a machine, or a mechanism with a marker "projectile" (which needs `spread=0`).
         parameters: of the named machine; their defaults where left out.
         spread: lengths and masses are drawn evenly between 1 - spread and 1 + spread of their values.
         control_step: time between two actions [s].
-        substeps: of MuJoCo in a control step.
-        render_mode: "rgb_array" or none.
+        substeps: of MuJoCo in a control step after the release, at least; no step is longer than 1 ms.
+        flight: whether the episode goes on until the projectile lands.
+        render_mode: "rgb_array", "human" or none.
         width, height: of the picture [pixels].
 
     Raises:
         InputError: one of them is not valid, or the machine throws nothing.
-        EngineNotInstalledError: MuJoCo is not installed.
-        SimulationError: reference or MuJoCo cannot move the machine.
-        UnsupportedProblemError: it cannot be written as MJCF.
+        SimulationError: the reference cannot move the machine.
+        EngineNotInstalledError: MuJoCo is not installed, for pictures.
+        UnsupportedProblemError: the machine cannot be written as MJCF, for pictures.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 100}  # type: ignore[misc]
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["human", "rgb_array"], "render_fps": 100}  # type: ignore[misc]
 
     def __init__(
         self,
@@ -76,35 +79,29 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
         spread: float = 0.1,
         control_step: float = 0.01,
         substeps: int = 10,
+        flight: bool = False,
         render_mode: str | None = None,
         width: int = 640,
         height: int = 480,
     ) -> None:
-        self._machines = Machines(model, dict(parameters or {}), spread)
+        self._machines = Machines(model, checked_mapping("parameters", parameters), spread)
         self.control_step, self.substeps = _checked_steps(control_step, substeps)
         self.render_mode, self._size = _checked_picture(render_mode, width, height)
         self.metadata = {**self.metadata, "render_fps": 1 / self.control_step}  # type: ignore[misc]
+        self.flight = bool(flight)
         self._machine: Machine | None = None
-        self._motion: Motion | None = None
-        self._camera: Camera | None = None
+        self._shown: Picture | Window | None = None
+        self._steps, self._flight, self._aloft, self._over = 0, cast("Flight | None", None), 0.0, True
         self._take(self._machines.nominal())
-        bounds = np.array([1.0 if name.startswith(("cos", "sin")) else _BOUND for name in self.observation_names])
-        self._bounds = bounds.astype(np.float32)
-        self.observation_space = gymnasium.spaces.Box(-self._bounds, self._bounds)
+        bounds = np.array([1.0 if name.startswith(("cos", "sin")) else BOUND for name in self.observation_names])
+        self.observation_space = gymnasium.spaces.Box(-bounds.astype(np.float32), bounds.astype(np.float32))
         self.action_space = gymnasium.spaces.Discrete(2)
-        self._steps, self._over = 0, True
 
     @property
     def machine(self) -> Machine:
         """That of this episode."""
         assert self._machine is not None
         return self._machine
-
-    @property
-    def motion(self) -> Motion:
-        """Its motion in MuJoCo."""
-        assert self._motion is not None
-        return self._motion
 
     @property
     def observation_names(self) -> tuple[str, ...]:
@@ -128,64 +125,66 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
             InputError: another option, a value that is not valid, or no machine drawn throws anything.
         """
         super().reset(seed=seed)
-        self._take(self._drawn_from(dict(options or {})).draw(self.np_random))
-        self.motion.reset()
-        self._steps, self._over = 0, False
+        self._take(self._drawn_from(checked_mapping("options", options)).draw(self.np_random))
+        self._steps, self._flight, self._aloft = 0, None, 0.0
         best = self.machine.best
         known = {"best_range": best.range, "best_time": best.time, "parameters": dict(self.machine.parameters)}
-        return self._observation(), {**self._info(), **known}
+        observation, *_, info = self._result(0.0, False)
+        return observation, {**info, **known}
 
-    def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> Result:
         """Hold for a control step, or release.
 
         Raises:
             InputError: the action is neither.
             ResetNeeded: the episode is over, or none has begun.
-            SimulationError: the simulation diverged.
         """
         if self._over:
             raise ResetNeeded("the episode is over, or none has begun: call reset() first.")
         if not self.action_space.contains(action):
             raise InputError(f"action = {action!r} must be {HOLD} (hold) or {RELEASE} (release).")
+        if self._flight is not None:
+            return self._fly_on()
         if action == RELEASE:
             return self._let_go()
-        self.motion.advance(self.substeps)
         self._steps += 1
-        self._over = self.time >= self.machine.best.sweep_end
-        return self._observation(), 0.0, False, self._over, self._info()
+        return self._result(0.0, False)
 
     @property
     def time(self) -> float:
         """Since the start of the episode [s]."""
-        return self._steps * self.control_step
+        return self._motion.time(self._steps) + self._aloft
 
     def render(self) -> Any:
-        """The machine as it stands, shape (height, width, 3); None without a render mode.
+        """What is to be seen now, shape (height, width, 3); None but for "rgb_array".
+
+        After the release the camera draws back so far that it shows the machine and the flight up to now; after an
+        episode that ended with its release, the whole flight.
 
         Raises:
             SimulationError: MuJoCo cannot draw here.
         """
-        if self.render_mode is None:
-            return None
-        if self._camera is None:
-            self._camera = self.motion.camera(self.machine.best.motion, *self._size)
-        return self.motion.show(self._camera)
+        return self._picture().show(self.instant()) if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
-        """Give the graphics memory back."""
-        if self._camera is not None:
-            self._camera.close()
-            self._camera = None
+        """Give the graphics memory back, or close the window."""
+        if self._shown is not None:
+            self._shown.close()
+            self._shown = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the window and what belongs to the graphics library: they are made again when needed."""
+        return {**self.__dict__, "_shown": None}
 
     def _drawn_from(self, options: dict[str, Any]) -> Machines:
         if unknown := options.keys() - set(_OPTIONS):
-            raise InputError(f"options has {sorted(unknown)}; reset() takes {' and '.join(_OPTIONS)}.")
+            raise InputError(f"options has {sorted(map(str, unknown))}; reset() takes {' and '.join(_OPTIONS)}.")
         own = self._machines
-        parameters = {**own.parameters, **options.get("parameters", {})}
+        parameters = {**own.parameters, **checked_mapping("parameters", options.get("parameters"))}
         return Machines(own.given, parameters, options.get("spread", own.spread))
 
     def _take(self, machine: Machine) -> None:
-        """Play with a machine; a model and a camera of the same one are kept."""
+        """Play with a machine; the model of the same one is kept for its pictures."""
         if machine.best.sweep_end <= 2 * self.control_step:
             raise InputError(
                 f"control_step = {self.control_step!r} s is too long: the first sweep of "
@@ -194,62 +193,68 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
         if self._machine is not None and self._machine.mechanism == machine.mechanism:
             return
         self.close()
-        self._machine, mechanism = machine, machine.mechanism
-        self._motion = Motion(mechanism, self.control_step / self.substeps)
-        self._kinematics = Kinematics(mechanism)
-        marker = next(marker for marker in mechanism.markers if marker.name == _PROJECTILE)
-        self._projectile = self._kinematics.point(marker.body, marker.point)
-        self._scales = _scales(mechanism)
-
-    def _thrown(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Position [m] and velocity [m/s] of the projectile."""
-        row = self._projectile
-        return self._kinematics.position(row, q), self._kinematics.velocity(row, q, u)
+        self._machine = machine
+        self._motion = Motion(machine.best, self.control_step)
 
     def _observation(self) -> Observation:
-        q, u = self.motion.state
-        angles, slides = np.split(q, [len(self.machine.mechanism.angles)])
-        plain = np.concatenate([np.cos(angles), np.sin(angles), slides, u, self._thrown(q, u)[1]])
-        return np.clip((plain / self._scales).astype(np.float32), -self._bounds, self._bounds)
+        return self._motion.observation(self._steps)
 
-    def _info(self) -> dict[str, Any]:
-        return {"time": self.time}
+    def _result(self, reward: float, terminated: bool, **more: float) -> Result:
+        self._over = terminated or (self._flight is None and self._steps >= self._motion.steps)
+        if self.render_mode == "human":
+            self._window().show(self.instant())
+        return self._observation(), reward, terminated, self._over and not terminated, {"time": self.time, **more}
 
-    def _let_go(self) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        self._over = True
-        (x, y), (vx, vy) = (values.tolist() for values in self._thrown(*self.motion.state))
-        best, info, reward = self.machine.best, self._info(), 0.0
-        try:
-            flight = fly(Release(self.time, (x, y), (vx, vy)), best.surroundings)
-        except InputError:  # it never comes up to the landing's height
-            pass
-        else:
-            reward = flight.range / best.range
-            info |= {"range": flight.range, "flight_time": flight.time}
-        return self._observation(), reward, True, False, info
+    def _let_go(self) -> Result:
+        self._flight = self._motion.thrown(self._steps)
+        if self._flight is None:
+            return self._result(0.0, True)
+        return self._result(0.0, False) if self.flight else self._landed()
 
+    def _fly_on(self) -> Result:
+        assert self._flight is not None
+        self._aloft = min(self._aloft + self.control_step, self._flight.time)
+        return self._landed() if self._aloft == self._flight.time else self._result(0.0, False)
 
-def _scales(mechanism: Mechanism) -> FloatArray:
-    """Units of the observation's components."""
-    time = characteristic_time(mechanism)
-    length, turning = mechanism.gravity * time**2, len(mechanism.angles)
-    sliding = len(mechanism.coordinates) - turning
-    own = [1.0] * 2 * turning + [length] * sliding
-    return np.array([*own, *[1 / time] * turning, *[length / time] * (sliding + 2)])
+    def _landed(self) -> Result:
+        assert self._flight is not None
+        flown = self._flight
+        more = {"range": flown.range, "flight_time": flown.time}
+        return self._result(flown.range / self.machine.best.range, True, **more)
+
+    def instant(self) -> Instant:
+        """What a picture of now is of."""
+        aloft = self._flight.time if self._flight and self._over else self._aloft
+        return Instant(self._motion.state(self._steps), self._flight, aloft)
+
+    def stage(self) -> Stage:
+        """A scene of MuJoCo's with this episode's machine."""
+        best = self.machine.best
+        return Stage(self.machine.mechanism, best.motion, self.control_step / self.substeps, best.range)
+
+    def _picture(self) -> Picture:
+        if not isinstance(self._shown, Picture):
+            self._shown = Picture(self.stage(), self._size)
+        return self._shown
+
+    def _window(self) -> Window:
+        if not isinstance(self._shown, Window):
+            self._shown = Window(self.stage(), self.control_step)
+        return self._shown
 
 
 def _checked_steps(control_step: float, substeps: int) -> tuple[float, int]:
-    if not (math.isfinite(control_step) and control_step > 0):
+    if not (is_number(control_step) and control_step > 0):
         raise InputError(f"control_step = {control_step!r} s must be positive and finite.")
-    if isinstance(substeps, bool) or int(substeps) != substeps or substeps < 1:
+    if not (is_number(substeps) and int(substeps) == substeps >= 1):
         raise InputError(f"substeps = {substeps!r} must be a whole number, at least 1.")
     return float(control_step), int(substeps)
 
 
 def _checked_picture(mode: str | None, width: int, height: int) -> tuple[str | None, tuple[int, int]]:
-    if mode not in (None, "rgb_array"):
-        raise InputError(f"render_mode = {mode!r} must be 'rgb_array' or None.")
+    if mode not in (None, "rgb_array", "human"):
+        raise InputError(f"render_mode = {mode!r} must be 'rgb_array', 'human' or None.")
     for name, size, most in zip(("width", "height"), (width, height), LARGEST_PICTURE, strict=True):
-        if int(size) != size or not 1 <= size <= most:
+        if not (is_number(size) and int(size) == size and 1 <= size <= most):
             raise InputError(f"{name} = {size!r} must be a whole number of pixels from 1 to {most}.")
     return mode, (int(width), int(height))

@@ -10,7 +10,7 @@ import numpy as np
 Policy = Callable[[np.ndarray, float], bool]
 """Of an observation and the time [s]: whether to let go."""
 
-env = gymnasium.make("trebucheck.environments:trebucheck/Throw-v0", model="hinged", control_step=0.02, substeps=5)
+env = gymnasium.make("trebucheck.environments:trebucheck/Throw-v0", model="hinged", control_step=0.02)
 training, others = range(4), range(100, 112)  # seeds: each is a machine with other lengths and masses
 
 

@@ -44,6 +44,8 @@ class Appearance:
     """Shapes of a mechanism's bodies; lengths in parts of `reach`."""
 
     mechanism: Mechanism
+    thrown: tuple[str, Vector] | None = None
+    """Body and point of a mass that is not drawn, because it is a body of its own."""
 
     @cached_property
     def reach(self) -> float:
@@ -63,6 +65,10 @@ class Appearance:
     def is_heavy(self, lump: Lump) -> bool:
         """Whether it is drawn as a box."""
         return lump.mass >= _HEAVY * min(other.mass for other in self.lumps)
+
+    def _is_thrown(self, lump: Lump) -> bool:
+        body, point = self.thrown or ("", lump.point)
+        return lump.body == body and math.dist(lump.point, point) < 1e-9 * self.reach
 
     def lane(self, joint: AnyJoint) -> float:
         """How far before and behind the plane of motion the wheels and rails of a slot are [m]."""
@@ -84,6 +90,8 @@ class Appearance:
         lumps = [lump for lump in self.lumps if lump.body == body.name]
         self._add_rods(shapes, body, any(map(self.is_heavy, lumps)))
         for lump in lumps:
+            if self._is_thrown(lump):
+                continue
             if self.is_heavy(lump):
                 shapes.box(lump.point, self.half_size(lump), BOX)
             else:

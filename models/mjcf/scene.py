@@ -22,10 +22,12 @@ from .text import as_text, number, numbers
 
 SCENE_FILE = "scene.xml"
 
+FIELD = 35.0
+"""Vertical field of view of its camera [deg]."""
+AZIMUTH, ELEVATION = 14.0, 7.0
+"""Of its camera, to the left of the plane's normal and above the horizontal [deg]."""
 _FRAME = "0.42 0.29 0.17 1"
-_FIELD = math.radians(35.0)  # of view, vertical
 _ASPECT = 4 / 3
-_AZIMUTH, _ELEVATION = math.radians(14.0), math.radians(7.0)
 _MARGIN = 0.96  # of the picture is used
 
 
@@ -43,6 +45,34 @@ def scene(mechanism: Mechanism, model: str, motion: RecordedMotion | None = None
 def ground_level(mechanism: Mechanism, motion: RecordedMotion | None) -> float:
     """Height of the scene's ground [m]."""
     return _Scene(mechanism, motion).ground
+
+
+def corners(mechanism: Mechanism, motion: RecordedMotion | None) -> FloatArray:
+    """Corners of what the scene's camera shows, in MuJoCo's axes [m], shape (8, 3)."""
+    return np.array(list(_Scene(mechanism, motion).corners()))
+
+
+def line_of_sight() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Unit vectors of the scene's camera, in MuJoCo's axes: where it looks, and the picture's right and up."""
+    sa, ca, se, ce = (f(math.radians(a)) for a in (AZIMUTH, ELEVATION) for f in (math.sin, math.cos))
+    view, right = np.array([sa * ce, ca * ce, -se]), np.array([ca, -sa, 0.0])
+    return view, right, np.cross(right, view)
+
+
+def viewpoint(points: FloatArray, aspect: float = _ASPECT) -> FloatArray:
+    """Where the scene's camera must be to show points, as near as its picture allows [m], shape (3,).
+
+    Args:
+        points: in MuJoCo's axes [m], shape (n, 3).
+        aspect: width over height of the picture.
+    """
+    view, right, up = line_of_sight()
+    tangents = math.tan(math.radians(FIELD) / 2) * np.array([aspect, 1.0]) * _MARGIN
+    depth = points @ view
+    lows, highs = zip(*_limits(points, (right, up), depth, tangents), strict=True)
+    nearest = min((high - low) / (2 * t) for low, high, t in zip(lows, highs, tangents, strict=True))
+    middle = [(low + high) / 2 for low, high in zip(lows, highs, strict=True)]
+    return nearest * view + middle[0] * right + middle[1] * up
 
 
 @dataclass(frozen=True)
@@ -191,25 +221,16 @@ class _Scene:
                 shapes.rod((float(post[0]), float(post[1])), (float(post[0]), self.ground), sizes[2], _FRAME, side)
 
     def _camera(self) -> dict[str, str]:
-        """Before the plane of motion, to the left of its middle and above; as near as its picture allows."""
-        sa, ca, se, ce = (f(a) for a in (_AZIMUTH, _ELEVATION) for f in (math.sin, math.cos))
-        view = np.array([sa * ce, ca * ce, -se])
-        right = np.array([ca, -sa, 0.0])
-        up = np.cross(right, view)
-        corners = np.array(list(self._corners()))
-        tangents = math.tan(_FIELD / 2) * np.array([_ASPECT, 1.0]) * _MARGIN
-        depth = corners @ view
-        lows, highs = zip(*_limits(corners, (right, up), depth, tangents), strict=True)
-        nearest = min((high - low) / (2 * t) for low, high, t in zip(lows, highs, tangents, strict=True))
-        middle = [(low + high) / 2 for low, high in zip(lows, highs, strict=True)]
-        at = nearest * view + middle[0] * right + middle[1] * up
+        """Before the plane of motion, to the left of its middle and above."""
+        _, right, up = line_of_sight()
+        at = viewpoint(np.array(list(self.corners())))
         return {
             "pos": numbers(*(round(float(value), 3) for value in at)),
             "xyaxes": numbers(*(round(float(value), 6) for value in (*right, *up))),
-            "fovy": number(round(math.degrees(_FIELD), 3)),
+            "fovy": number(FIELD),
         }
 
-    def _corners(self) -> Iterator[tuple[float, float, float]]:
+    def corners(self) -> Iterator[tuple[float, float, float]]:
         x0, x1, y0, y1 = self.box
         deep = round(0.12 * self.look.reach, 3)
         return ((x, side, y) for x in (x0, x1) for side in (-deep, deep) for y in (y0, y1))

@@ -163,7 +163,8 @@ class _Writer:
         self.angle = start_angles(mechanism)
         self.slide = dict(zip(mechanism.coordinates, self.start, strict=True))
         self.ranges: dict[str, list[float]] = {}
-        self.appearance = Appearance(mechanism)
+        thrown = (self.thrown.marker.body, self.thrown.marker.point) if self.thrown else None
+        self.appearance = Appearance(mechanism, thrown)
         self.points, self.forces = Points(mechanism), Forces(mechanism)
         self.on_tendon = tuple(stop for stop in mechanism.angle_stops if not self._fits_its_joint(stop))
 

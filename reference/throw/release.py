@@ -161,7 +161,10 @@ class Projectile:
             until: end of the search [s]; of the first sweep if left out.
         """
         start, end = self.sweep()
-        times = np.linspace(start, end if until is None else until, _SCAN)
+        last = end if until is None else until
+        impacts = np.array([time for time, _ in self.solution.impacts if start < time <= last])
+        sides = np.append(np.nextafter(impacts, start), impacts)  # the range may jump there
+        times = np.union1d(np.linspace(start, last, _SCAN), sides)
         ranges = self._scan(times, surroundings)
         outside = np.concatenate([[-np.inf], ranges, [-np.inf]])
         peaks = np.flatnonzero((ranges >= outside[:-2]) & (ranges >= outside[2:]) & np.isfinite(ranges))
