@@ -176,9 +176,15 @@ def _mass_matrix(loaded: Loaded, expected: Expected) -> Check:
 def _accelerations(loaded: Loaded, expected: Expected) -> Check:
     found = np.array([loaded.ordered(loaded.vector("acceleration", q, u), 1) for q, u in expected.states])
     relative = tolerances.ROUNDING[loaded.precision] + (tolerances.SOFTNESS if "loops" in expected.needs else 0.0)
-    size = np.maximum(1.0, abs(expected.accelerations).max(axis=1, keepdims=True))
+    allowed = relative * np.maximum(1.0, abs(expected.accelerations).max(axis=1, keepdims=True))
     rows = _states(expected, *expected.joints)
-    return _compared("accelerations", expected.accelerations, found, relative * size, rows)
+    check = _compared("accelerations", expected.accelerations, found, allowed, rows)
+    rounded = tolerances.ROUNDINGS * float(np.finfo(loaded.precision).eps) * expected.rounding
+    loose = _compared("accelerations", expected.accelerations, found, allowed + rounded, rows)
+    if check.verdict == Verdict.WRONG and loose.verdict == Verdict.RIGHT:
+        why = f"{loose.text}; positions in {loaded.precision} leave a loop open by so much"
+        return loose.model_copy(update={"verdict": Verdict.UNDECIDED, "text": why})
+    return check
 
 
 def _ranges(loaded: Loaded, expected: Expected) -> Check:

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.zoo.model import FileVariant, Needs, ZooModel
+from ...models.zoo.model import TIME_CONSTANT, FileVariant, Needs, ZooModel
 from ...reference.equations import Equations
+from ..runs.scales import size
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -121,6 +122,8 @@ class Expected:
     states: Sequence[tuple[FloatArray, FloatArray]]
     mass_matrices: FloatArray
     accelerations: FloatArray
+    rounding: FloatArray
+    """By how much positions that are relatively off by 1 change the accelerations through loops, shape (3, n)."""
     whole: Motion
     free: Motion
     """The part of it in which no limit or contact acts."""
@@ -139,10 +142,12 @@ class Expected:
         events = len(whole.positions) != int(_free(data).sum())
         force = np.asarray(data["constraint_force"].values[-1], dtype=np.float64)
         masses = np.asarray(data["mass_matrix"].values, dtype=np.float64)
+        states = [*zip(data["state_position"].values, data["state_velocity"].values, strict=True)]
         return cls(
             model.name, model.feature, model.xml, model.joint_names, model.needs, model.total_mass, model.limits,
-            states=[*zip(data["state_position"].values, data["state_velocity"].values, strict=True)],
-            mass_matrices=masses, accelerations=np.asarray(data["acceleration"].values, dtype=np.float64),
+            states=states, mass_matrices=masses,
+            accelerations=np.asarray(data["acceleration"].values, dtype=np.float64),
+            rounding=np.array([_rounding(model, q) for q, _ in states]),
             whole=whole, free=_motion(data.isel(time=_free(data))), has_events=events,
             resting_force=force, pressing=float(abs(np.linalg.solve(masses[-1], force)).max()), variants=model.variants,
         )  # fmt: skip
@@ -151,6 +156,23 @@ class Expected:
         """The same of each variant, with its name."""
         for name, variant in self.variants.items():
             yield name, replace(self, xml=variant.text, total_mass=variant.total_mass)
+
+
+def _rounding(model: ZooModel, joints: FloatArray) -> FloatArray:
+    """What relative errors of 1 in the positions do to the joints' accelerations where loops are closed by the file.
+
+    The file closes one that is open by r with the acceleration r / T^2. Joint positions that are off by d open it by
+    |J| d, points of both its bodies, as large as the machine, by their own errors.
+    """
+    if not model.mechanism.loop_joints:
+        return np.zeros_like(joints)
+    equations, weights = Equations(model.mechanism), model.weights
+    q = np.linalg.solve(weights, joints - model.zeros)
+    jacobian = equations.constraint_jacobian(q, ())
+    moved = np.linalg.solve(equations.mass_matrix(q), jacobian.T)
+    closing = abs(weights @ moved @ np.linalg.pinv(jacobian @ moved))
+    opened = abs(jacobian) @ np.maximum(1.0, abs(q)) + 2 * max(1.0, size(model.mechanism))
+    return closing @ opened / TIME_CONSTANT**2
 
 
 def _free(data: xr.Dataset) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

@@ -14,6 +14,8 @@ ROUNDING = {"float64": 1e-9, "float32": 1e-5}
 """Relative, of what follows from the file by arithmetic alone: some hundred roundings times a condition number."""
 SOFTNESS = 10 * (1 - 0.9999)
 """Relative, of accelerations where equalities act: ten times what the files' impedance leaves of a constraint."""
+ROUNDINGS = 10
+"""Of each position on its way to the residual of a loop."""
 REST_FORCE = 1e-3
 """Relative, of a force at rest: what a user of limit forces needs."""
 TELLS_NOTHING = 1e-2

@@ -12,7 +12,7 @@ import warp
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from compiled import Compiled
 
-warp.config.quiet = True
+warp.config.log_level = warp.LOG_WARNING
 
 
 class Model(Compiled):

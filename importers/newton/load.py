@@ -7,7 +7,7 @@ import newton
 import numpy as np
 import warp
 
-warp.config.quiet = True
+warp.config.log_level = warp.LOG_WARNING
 
 
 class Model:

@@ -109,6 +109,22 @@ def large_inertias(path):
     return loaded
 
 
+def rounded(path, precision="float32", off=1e-7):
+    loaded = Still(mujoco.MjModel.from_xml_path(path))
+    right = loaded.acceleration
+    loaded.acceleration = lambda q, u: right(q + off * np.array([1, -1, 1]), u)
+    loaded.precision = precision
+    return loaded
+
+
+def rounded_in_double(path):
+    return rounded(path, "float64")
+
+
+def coarse(path):
+    return rounded(path, off=1e-4)
+
+
 def counted(path):
     with open(__file__ + ".loaded", "a") as file:
         print(path, file=file)
@@ -242,6 +258,16 @@ def test_who_cannot_read_a_machine_gets_its_variants(
     assert [each.fault is None for each in model.variants] == [False] * (len(tried) - 1) + [True]
     assert report.whole(results, machine).text.endswith(f"; {tried[-1]}: right")
     assert ImporterResults.from_json(results.to_json()) == results
+
+
+@pytest.mark.parametrize(
+    ("function", "verdict"),
+    [("rounded", Verdict.UNDECIDED), ("rounded_in_double", Verdict.WRONG), ("coarse", Verdict.WRONG)],
+)
+def test_a_stiff_loop_magnifies_what_single_precision_rounds(loaders: Path, function: str, verdict: Verdict) -> None:
+    """A last digit of a position in single precision opens a loop, which its file closes within 2 ms."""
+    check = _checked(loaders, function, "connect").models[0].check("accelerations")
+    assert check is not None and check.verdict == verdict
 
 
 def test_who_reads_the_file_gets_no_variant_and_the_zoo_has_none(loaders: Path) -> None:
