@@ -1,10 +1,16 @@
 """Box2D against the reference, its measured order and the floor of its precision."""
 
+from itertools import pairwise
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import trebucheck as tb
+from trebucheck.comparisons.equivalence.checks import check_model
 from trebucheck.models.problems.registry import benchmark
 from trebucheck.reference.solver import solve
+from trebucheck_box2d.build import Built
+from trebucheck_box2d.inspect import read_back
 
 FREE_SWING = tb.Problem(tb.fixed().model_copy(update={"stops": ()}), duration=2.0)
 
@@ -14,6 +20,11 @@ def _error(step: float) -> float:
     found = tb.engine("box2d", "tuned", timestep=step).simulate(FREE_SWING)
     truth = solve(FREE_SWING).trajectory(found.t)
     return max(float(np.abs(m.position - truth.markers[name].position).max()) for name, m in found.markers.items())
+
+
+def _end(step: float, iterations: int) -> np.ndarray:
+    found = tb.engine("box2d", timestep=step, velocity_iterations=iterations).simulate(FREE_SWING)
+    return np.array([motion.position[-1] for motion in found.markers.values()])
 
 
 def test_it_is_of_first_order() -> None:
@@ -70,3 +81,27 @@ def test_it_builds_every_element(name: str) -> None:
 def test_rebounds_and_stops_on_points_are_refused() -> None:
     with pytest.raises(tb.UnsupportedProblemError, match="restitution"):
         tb.engine("box2d").simulate(benchmark("bouncing").problem())
+
+
+@pytest.mark.parametrize("name", ["slider-crank", "chain", "thrown-plate", "spring-pendulum"])
+def test_the_world_is_read_back_and_a_fault_in_it_is_found(name: str) -> None:
+    engine, mechanism = tb.engine("box2d"), benchmark(name).problem().mechanism
+    assert check_model(engine, mechanism).holds
+    first = mechanism.bodies[0]
+    heavy = mechanism.model_copy(
+        update={"bodies": (first.model_copy(update={"mass": 1.001 * first.mass}), *mechanism.bodies[1:])}
+    )
+    wrong = SimpleNamespace(name="box2d", inspect=lambda _, states: engine.inspect(heavy, states))  # type: ignore[attr-defined]
+    assert not check_model(wrong, mechanism).holds  # type: ignore[arg-type]
+
+
+def test_what_a_refined_step_leaves_is_of_unfinished_iterations() -> None:
+    """Richardson's limit of steps 4 and 2 ms: with 20 000 iterations a second-order remainder, with 100 a bias."""
+    # With the least inertias that Box2D's bodies have: they alone move the end by 8e-4 m.
+    held = read_back(Built(FREE_SWING.mechanism, 1e-5, 1e-5, ()))
+    right = solve(tb.Problem(held, duration=2.0)).trajectory(np.array([2.0]))
+    end = np.array([motion.position[-1] for motion in right.markers.values()])
+    ends = {n: [_end(step, n) for step in (8e-3, 4e-3, 2e-3)] for n in (100, 20_000)}
+    left = {n: [np.abs(2 * fine - coarse - end).max() for coarse, fine in pairwise(each)] for n, each in ends.items()}
+    assert left[20_000][0] / left[20_000][1] == pytest.approx(4.0, rel=0.4)
+    assert left[100][1] > 3 * left[20_000][1]

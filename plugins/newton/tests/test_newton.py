@@ -1,8 +1,11 @@
 """Newton against the reference, and its measured order."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import trebucheck as tb
+from trebucheck.comparisons.equivalence.checks import check_model
 from trebucheck.models.problems.registry import benchmark
 from trebucheck.reference.solver import solve
 
@@ -25,11 +28,12 @@ def test_mujoco_is_at_the_floor_of_single_precision() -> None:
     assert _error("tuned", 4e-3) < np.sqrt(500) * 5e-7 * 16
 
 
+@pytest.mark.parametrize("preset", ["tuned", "stock"])
 @pytest.mark.parametrize("model", ["fixed", "rolling"])
-def test_its_limits_release_in_the_step_of_the_reference(model: str) -> None:
+def test_its_limits_release_in_the_step_of_the_reference(model: str, preset: str) -> None:
     problem = tb.Problem(tb.model(model), duration=1.3)
-    found = tb.engine("newton").simulate(problem)
-    truth = solve(problem).trajectory(found.t)
+    found = tb.engine("newton", preset).simulate(problem)
+    truth = solve(tb.Problem(problem.mechanism, duration=1.31)).trajectory(found.t)
     for name, time in truth.release_times.items():
         assert (found.release_times[name] is None) == (time is None)
         assert time is None or abs(found.release_times[name] - time) <= 2e-3
@@ -42,5 +46,15 @@ def test_its_limits_release_in_the_step_of_the_reference(model: str) -> None:
 def test_loops_are_refused() -> None:
     with pytest.raises(tb.UnsupportedProblemError, match="loop"):
         tb.engine("newton").simulate(benchmark("slider-crank").problem())
-    with pytest.raises(tb.UnsupportedProblemError, match="does not tell"):
-        tb.engine("newton", "stock").simulate(tb.Problem(tb.fixed(), duration=0.1))
+
+
+@pytest.mark.parametrize("mechanism", [tb.fixed(), tb.rolling(), benchmark("thrown-plate").problem().mechanism])
+def test_the_built_model_is_shown_and_a_fault_in_it_is_found(mechanism: tb.Mechanism) -> None:
+    engine, first = tb.engine("newton"), mechanism.bodies[0]
+    assert check_model(engine, mechanism).holds
+    # Its inspection of a mechanism whose first body is too heavy by 1e-3, for one of the right mass.
+    heavy = mechanism.model_copy(
+        update={"bodies": (first.model_copy(update={"mass": 1.001 * first.mass}), *mechanism.bodies[1:])}
+    )
+    wrong = SimpleNamespace(name="newton", inspect=lambda _, states: engine.inspect(heavy, states))  # type: ignore[attr-defined]
+    assert not check_model(wrong, mechanism).holds  # type: ignore[arg-type]

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from trebucheck.engines.study import STOCK_SET, TUNED_SET, EngineStudy, StepOrder
+from trebucheck.engines.scheme_tables import EULER_STEPS, EULER_TOLERANCES
+from trebucheck.engines.study import STOCK_SET, TUNED_SET, EngineStudy, StepOrder, Tolerance
 
 STUDY = EngineStudy(
     step_orders={
         "tuned": StepOrder(
             None, "MuJoCo's RK4 between states of single precision, whose floor it is at", "RK4, joint coordinates"
         ),
-        "stock": StepOrder(1.0, "semi-implicit Euler in joint coordinates", "semi-implicit Euler, joint coordinates"),
+        "stock": EULER_STEPS,
     },
     option_sets=(STOCK_SET, TUNED_SET),
+    tolerances=(
+        Tolerance("tuned", "release_time", 2e-3, 1e-3, 1, "at a step's end, of limits that have settled in 0.1 s"),
+        *EULER_TOLERANCES,
+    ),
     colour="#76b900",
 )
