@@ -56,7 +56,7 @@ class DartTree:
             properties.mAxis = _CLOCKWISE
             self._joined(parent, "Revolute", properties, joint.name, frame, body, joint, True)
         elif not slides:
-            self._joined(parent, "Weld", dartpy.dynamics.WeldJointProperties(), joint.name, frame, body, joint, True)
+            self._weld(parent, frame, body, joint)
 
     def _joined(
         self, parent: Any, kind: str, properties: Any, name: str, frame: Any, body: Body, joint: AnyJoint, last: bool
@@ -69,11 +69,20 @@ class DartTree:
         create = getattr(self.skeleton, f"create{kind}JointAndBodyNodePair")
         made, node = create(parent, properties, dartpy.dynamics.BodyNodeProperties(aspect))
         node.setInertia(_inertia(body) if last else dartpy.dynamics.Inertia(0.0, np.zeros(3), np.zeros((3, 3))))
-        if kind != "Weld":
-            self.moving.append(made)
+        self.moving.append(made)
         if last:
             self.bodies[body.name] = node
         return node
+
+    def _weld(self, parent: Any, frame: Any, body: Body, joint: AnyJoint) -> None:
+        """Properties of a weld are not to be had in Python: it is set after it has been made."""
+        made, node = self.skeleton.createWeldJointAndBodyNodePair(*([] if parent is None else [parent]))
+        made.setName(joint.name)
+        made.setTransformFromParentBodyNode(frame)
+        made.setTransformFromChildBodyNode(_frame(0.0, joint.child_point))
+        node.setName(body.name)
+        node.setInertia(_inertia(body))
+        self.bodies[body.name] = node
 
     # --- Dynamics ----------------------------------------------------------------------------------------------------
 
