@@ -35,7 +35,7 @@ from trebucheck.comparisons.importer.files import publish as publish_zoo
 from trebucheck.comparisons.importer.report import machine_table, overview, versions_table
 from trebucheck.comparisons.importer.report import page as page_of_importer
 from trebucheck.comparisons.importer.results import ImporterResults
-from trebucheck.comparisons.matrix.read import distilled
+from trebucheck.comparisons.matrix.read import distilled, orders_of
 from trebucheck.comparisons.matrix.read import read as read_matrix
 from trebucheck.comparisons.matrix.report import document as matrix_document
 from trebucheck.comparisons.mjcf.events import record_motion
@@ -256,9 +256,15 @@ def write_results() -> None:
     """What the matrix keeps of the built-in engines on the paper's machines and on every problem (an hour)."""
     models = ["fixed", "rolling", *(entry.name for entry in benchmarks())]
     today = datetime.now(UTC).date().isoformat()
+    folder = ROOT / "docs" / "results"
     for name in _STEPS:
         found = distilled(tb.compare(models, [name]).results, today)
-        (ROOT / "docs" / "results" / f"{name}.json").write_text(found.to_json() + "\n")
+        swept = tb.converge("fixed", [name], knobs=["timestep"])
+        found = found.model_copy(update={"orders": tuple(orders_of(swept))})
+        (folder / f"{name}.json").write_text(found.to_json() + "\n")
+    swing = tb.Mechanism.from_json((ROOT / "plugins" / "free-swing.json").read_text())
+    swung = distilled(tb.compare([swing], [*_STEPS], until=2.0).results, today)
+    (folder / "free-swing.json").write_text(swung.to_json() + "\n")
 
 
 def write_matrix() -> None:

@@ -91,7 +91,7 @@ def _one(path: Path) -> Matrix:
         date = datetime.fromtimestamp(path.stat().st_mtime, UTC).date().isoformat()
         return distilled(read_results(path), date)
     if format == CONVERGE:
-        return Matrix.made_here(problems=(), runs=(), orders=tuple(_orders(Studies.load(path))))
+        return Matrix.made_here(problems=(), runs=(), orders=tuple(orders_of(Studies.load(path))))
     has = "no format" if format is None else f"format {str(format)[:60]!r}"
     raise InputError(f"{path} has {has}; needed is one of {COMPARE}, {CONVERGE}, {FORMAT}.")
 
@@ -113,7 +113,8 @@ def _format(path: Path) -> object:
     return content.get("format") if isinstance(content, dict) else None
 
 
-def _orders(studies: Studies) -> Iterator[MeasuredOrder]:
+def orders_of(studies: Studies) -> Iterator[MeasuredOrder]:
+    """Of the sweeps of the time step in which something moved."""
     for machine in studies.machines:
         for study in machine.studies:
             law = study.curve("position").law

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from ..compare.sentences import MARKS
@@ -34,11 +35,12 @@ _WORDS: dict[Outcome, str] = {
     Outcome.ABSENT: "not installed",
     Outcome.UNSUPPORTED: "refused",
 }
+_OVER = re.compile(r"did not finish within (\S+) s")  # as a run says it that is ended
 _READING = (
     "✓ every judged quantity holds its tolerance, ✗ at least one breaks it, ○ not judged (never counted as "
-    "agreement), refused: the engine cannot, in its own words below. The number is the largest error of a marker's "
-    "position in parts of the mechanism's size, which is the same for all engines; tolerances are not: an engine's own "
-    "claims, or a thousandth of each scale."
+    "agreement), refused: the engine cannot, in its own words below, not finished: a run had so much time and no "
+    "more. The number is the largest error of a marker's position in parts of the mechanism's size, which is the same "
+    "for all engines; tolerances are not: an engine's own claims, or a thousandth of each scale."
 )
 _QUANTITY = "Largest error in parts of the quantity's scale; ✓ and ✗ by the tolerances, ○ not judged, – not told."
 _KINDS: tuple[tuple[str, Callable[[MatrixProblem], bool]], ...] = (
@@ -122,7 +124,9 @@ def _leading(matrix: Matrix) -> dict[str, Sequence[object]]:
 
 def _order(matrix: Matrix, label: str) -> str:
     """Measured, or else as declared, which is said."""
-    measured = [order for order in matrix.orders if order.label == label]
+    found = [order for order in matrix.orders if order.label == label]
+    # Where a sweep begins at the floor of rounding it finds no power; another one may.
+    measured = [order for order in found if order.exponent is not None] or found
     if measured:
         return ", ".join(map(str, measured))
     declared = next(iter(matrix.of(label))).order
@@ -135,12 +139,16 @@ def _agrees(runs: Sequence[MatrixRun]) -> str:
 
 def _verdict(run: MatrixRun) -> Cell:
     if run.outcome not in COMPARED:
-        return Cell(_WORDS[run.outcome], MARKS[run.outcome], hint=run.message or "")
+        over = _OVER.search(run.message or "")
+        return Cell(
+            f"not finished in {over[1]} s" if over else _WORDS[run.outcome], MARKS[run.outcome], hint=run.message or ""
+        )
     error, worst = run.error("position_max"), run.worst
     text = format_number(None if error is None else error.part)
     hint = "" if worst is None else f"{worst.label}: {format_number(worst.ratio)} of its tolerance"
     mark: Mark = "unjudged" if run.outcome is Outcome.NOT_JUDGED else MARKS[run.outcome]
-    return Cell(text, mark, hint=f"{run.held} of {run.judged} hold; farthest {hint}")
+    cause = f"; likeliest cause: {' or '.join(run.causes) or 'unknown'}" if run.first_in is not None else ""
+    return Cell(text, mark, hint=f"{run.held} of {run.judged} hold; farthest {hint}{cause}")
 
 
 def _quantity(metric: str) -> _Show:

@@ -71,12 +71,19 @@ def test_what_did_not_run_is_said_in_its_own_words_and_is_never_green() -> None:
     runs = (
         _run("welder", outcome=Outcome.UNSUPPORTED, message=_REFUSAL),
         _run("crasher", outcome=Outcome.FAILED, message="it fell over."),
+        _run("sloth", outcome=Outcome.FAILED, message="sloth did not finish within 120 s and was stopped."),
         _run("stranger", outcome=Outcome.NOT_EQUIVALENT, message="total mass off by 1."),
         _run("gone", outcome=Outcome.ABSENT, message="gone is not installed."),
         _run("mover", 1e-9, problem="other"),
     )
     text = _text(_matrix(*runs, problems=(_problem(), _problem("other"))))
-    said = {"welder": "! refused", "crasher": "✗ failed", "stranger": "✗ another model", "gone": "! not installed"}
+    said = {
+        "welder": "! refused",
+        "crasher": "✗ failed",
+        "sloth": "✗ not finished in 120 s",
+        "stranger": "✗ another model",
+        "gone": "! not installed",
+    }
     for engine, cell in said.items():
         assert f"| {cell} |" in _line(text, f"{engine} tuned") and "✓" not in _line(text, f"{engine} tuned")
     assert "not run" in _line(text, "mover tuned") and _REFUSAL in _line(text, "welder")
