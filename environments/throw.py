@@ -173,8 +173,13 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
             self._shown = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but the window and what belongs to the graphics library: they are made again when needed."""
-        return {**self.__dict__, "_shown": None}
+        """All but what belongs to the graphics library and the flight, which are made again."""
+        return {**self.__dict__, "_shown": None, "_flight": self._flight is not None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """As :meth:`__getstate__` left it."""
+        self.__dict__.update(state)
+        self._flight = self._motion.thrown(self._steps) if state["_flight"] else None
 
     def _drawn_from(self, options: dict[str, Any]) -> Machines:
         if unknown := options.keys() - set(_OPTIONS):

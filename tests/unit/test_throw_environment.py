@@ -208,10 +208,11 @@ def test_with_flight_an_episode_goes_on_to_the_landing() -> None:
 
 
 def test_a_pickled_episode_goes_on_as_the_original_does() -> None:
-    env = ThrowEnv("catapult")
-    held(env, 50, seed=2)
-    copy = pickle.loads(pickle.dumps(env))
-    for one, other in ((env.step(HOLD), copy.step(HOLD)), (env.step(RELEASE), copy.step(RELEASE))):
+    env = ThrowEnv("catapult", flight=True, control_step=0.5)
+    held(env, 4, seed=2)
+    for action in (HOLD, RELEASE, HOLD, HOLD):  # copied in flight, too
+        copy = pickle.loads(pickle.dumps(env))
+        one, other = env.step(action), copy.step(action)
         assert one[0].tobytes() == other[0].tobytes()
         assert one[1:] == other[1:]
     assert env.reset()[1]["parameters"] == copy.reset()[1]["parameters"]
