@@ -243,9 +243,14 @@ class Window:
         self._viewer.close()
 
 
+def may_have_display() -> bool:
+    """Whether a window may open; without these variables Linux has none."""
+    return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
 def _viewer(stage: Stage) -> Any:
     """MuJoCo's viewer; without a display it would wait for ever."""
-    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    if not may_have_display():
         raise SimulationError(f"{_NO_DISPLAY}: neither DISPLAY nor WAYLAND_DISPLAY is set.")
     try:
         glfw, viewer = (importlib.import_module(name) for name in ("glfw", "mujoco.viewer"))

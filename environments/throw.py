@@ -14,7 +14,7 @@ from ..models.mechanism import Mechanism
 from ..reference.throw.flight import Flight
 from .machines import Machine, Machines, checked_mapping, is_number
 from .motion import BOUND, Motion, Observation
-from .pictures import LARGEST_PICTURE, Instant, Picture, Stage, Window
+from .pictures import LARGEST_PICTURE, Instant, Picture, Stage, Window, may_have_display
 
 HOLD, RELEASE = 0, 1
 """The two actions."""
@@ -50,7 +50,8 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
     machine's `parameters`; with a landing `range` [m] and `flight_time` [s].
 
     **Pictures**: "rgb_array" draws off screen; "human" opens MuJoCo's viewer, in real time, and a new one for each new
-    machine. After the release the machine is moved on by plain steps of MuJoCo, for the picture only.
+    machine (an environment's own `metadata` leaves it out where there is no display). After the release the machine is
+    moved on by plain steps of MuJoCo, for the picture only.
 
     Args:
         model: name of a machine, or a mechanism with a marker "projectile" (which needs `spread=0`).
@@ -87,7 +88,8 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
         self._machines = Machines(model, checked_mapping("parameters", parameters), spread)
         self.control_step, self.substeps = _checked_steps(control_step, substeps)
         self.render_mode, self._size = _checked_picture(render_mode, width, height)
-        self.metadata = {**self.metadata, "render_fps": 1 / self.control_step}  # type: ignore[misc]
+        modes = [mode for mode in self.metadata["render_modes"] if mode != "human" or may_have_display()]
+        self.metadata = {"render_modes": modes, "render_fps": 1 / self.control_step}  # type: ignore[misc]
         self.flight = bool(flight)
         self._machine: Machine | None = None
         self._shown: Picture | Window | None = None

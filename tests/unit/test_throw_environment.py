@@ -237,6 +237,7 @@ def test_a_window_needs_a_display(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(sys, "platform", "linux")
     env = ThrowEnv("catapult", spread=0, render_mode="human")
+    assert (env.metadata["render_modes"], "human" in ThrowEnv.metadata["render_modes"]) == (["rgb_array"], True)
     with pytest.raises(SimulationError, match=r"^render_mode = 'human' needs a display.*DISPLAY.* is set\.$"):
         env.reset()
 
