@@ -13,10 +13,11 @@ from ...models.mechanism import Mechanism
 from ...models.mjcf.points import felt_from
 from ...models.mjcf.recorded import HOME
 from ...models.mjcf.writer import MARGIN, mjcf
-from .constraints import UnilateralConstraint, stop_contacts
+from .constraints import UnilateralConstraint, slot_contacts, stop_contacts
+from .matrices import constraint_jacobian, mass_matrix
 from .options import MujocoOptions, scaled_solref
-from .reference_acceleration import CALLBACK, ReferenceAccelerationCorrection, constraint_jacobian, mujoco
-from .versions import mass_matrix
+from .reference_acceleration import ReferenceAccelerationCorrection
+from .versions import CALLBACK, loses_small_gains, mujoco
 
 _PRELOAD_ITERATIONS = 6  # each gains the four digits of 1 - d, d the impedance
 _MOST_ITERATIONS = 3000  # where forces of redundant constraints drift
@@ -64,7 +65,15 @@ def correction_of(mechanism: Mechanism, model: Any, options: MujocoOptions) -> R
     if not _corrects(options) or not (model.npair or model.neq):
         return ReferenceAccelerationCorrection(model, velocity_term=False)
     without_margin = {contact.geoms: 0.0 for contact in stop_contacts(mechanism, model)}
-    return ReferenceAccelerationCorrection(model, options.moving_points, without_margin)
+    return ReferenceAccelerationCorrection(
+        model, options.moving_points, _solves_before_the_solver(mechanism, model, options), without_margin
+    )
+
+
+def _solves_before_the_solver(mechanism: Mechanism, model: Any, options: MujocoOptions) -> bool:
+    """Whether the solver is asked for the last digit, and loses it in the cost of two walls that are pressed in."""
+    to_the_last_digit = options.solver == "Newton" and options.tolerance < np.finfo(float).eps
+    return to_the_last_digit and bool(slot_contacts(mechanism, model)) and loses_small_gains()
 
 
 def _corrects(options: MujocoOptions) -> bool:

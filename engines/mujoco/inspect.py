@@ -15,10 +15,10 @@ from ...models.tree import Slide
 from ..inspection import Dynamics, Inspection, State
 from .build import load, preload, start_data
 from .constraints import UnilateralConstraint, slot_contacts, stop_constraints
+from .matrices import mass_matrix
 from .options import MujocoOptions
 from .read import IN_PLANE, absolute_from_relative
 from .reference_acceleration import ReferenceAccelerationCorrection, mujoco
-from .versions import mass_matrix
 
 # The softness of a limit and the solver's tolerance are numerical options: a limit at rest carries the same torque
 # with any of them. With the hardest impedance MuJoCo takes, each round gains the four digits of 1 - d. With this

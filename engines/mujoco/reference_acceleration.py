@@ -31,9 +31,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.arrays import FloatArray
-from .versions import mujoco
+from .matrices import constraint_jacobian
+from .versions import CALLBACK, mujoco
+from .warm_start import start_at_the_solution
 
-CALLBACK = threading.RLock()  # MuJoCo has one callback for all models and threads of a process
 _SETTLING = 2  # forward passes after which R f is that of another state; each gains some four digits
 _REDUNDANT = 1e-12  # of the largest squared singular value: forces along directions with smaller ones do not count
 
@@ -89,6 +90,8 @@ class ReferenceAccelerationCorrection:
     model: Any
     velocity_term: bool
     """Whether (dJ/dt) qvel is counted, and the feedback -b v - k r kept through a step."""
+    starts_at_the_solution: bool = False
+    """Whether MuJoCo's solver is given the solution as its start (:mod:`.warm_start`)."""
     contacts: dict[tuple[int, int], float] = field(default_factory=dict[tuple[int, int], float])
     """By plane and sphere, the acceleration that replaces the one due to a contact's margin [m/s^2]."""
     equalities: dict[int, FloatArray] = field(default_factory=dict[int, FloatArray])
@@ -173,6 +176,8 @@ class ReferenceAccelerationCorrection:
         self._stage += 1
         if self.velocity_term and self.equalities and present:
             self._last = _Pass.of(model, data, present, ends_a_step=self._stage % self._stages == 0)
+        if self.starts_at_the_solution:
+            start_at_the_solution(model, data)
 
     def _follow_forces(self, data: Any) -> None:
         """R f of the last forward pass to the equality constraints."""
@@ -209,15 +214,6 @@ def equality_rows(data: Any, index: int) -> NDArray[np.intp]:
     """The rows of an equality constraint, three of a `connect`; none where they are zero."""
     kind = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
     return np.flatnonzero((data.efc_type == kind) & (data.efc_id == index))
-
-
-def constraint_jacobian(model: Any, data: Any) -> FloatArray:
-    """Of all constraint rows, shape (nefc, nv)."""
-    if not mujoco.mj_isSparse(model):
-        return data.efc_J.reshape(data.nefc, model.nv)
-    dense = np.zeros((data.nefc, model.nv))
-    mujoco.mju_sparse2dense(dense, data.efc_J.ravel(), data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
-    return dense
 
 
 def _feedback(data: Any, rows: Any) -> Any:

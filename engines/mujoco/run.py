@@ -10,9 +10,9 @@ from ...models.problem import Problem, StopLaw
 from ..contact_events import refuse_moving_gaps
 from ..protocol import Recording
 from .options import MujocoOptions
-from .reference_acceleration import CALLBACK, mujoco
 from .step import Stepper
 from .unilateral import UnilateralStepper
+from .versions import CALLBACK, mujoco
 
 
 def run(problem: Problem, options: MujocoOptions) -> Recording:

@@ -18,10 +18,10 @@ from ...models.problem import Problem
 from ..contact_events import AT_REST, Contacts, resting
 from ..event_location import may_be_met, onto_zero_gap
 from ..impact import Inertia, resolve_impact
+from .matrices import mass_matrix
 from .options import MujocoOptions
 from .read import absolute_from_relative
 from .step import ROUNDING, Stepper
-from .versions import mass_matrix
 
 
 class UnilateralStepper(Stepper):

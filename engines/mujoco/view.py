@@ -7,7 +7,7 @@ from ...models.mechanism import Mechanism
 from ...models.mjcf.scene import scene
 from ...models.mjcf.writer import mjcf, model_file
 from .build import start_data
-from .reference_acceleration import CALLBACK, mujoco
+from .versions import CALLBACK, mujoco
 
 
 def view(mechanism: Mechanism, timestep: float) -> None:

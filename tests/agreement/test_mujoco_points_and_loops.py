@@ -292,6 +292,45 @@ def test_other_parameters(name: str, seed: int) -> None:
     )
 
 
+# --- Versions whose solver stops short of its solution ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mechanism", [floating_arm(), slider_crank(), many_stops()], ids=lambda m: m.name)
+def test_the_solution_that_older_solvers_start_at_is_the_solvers(mechanism: Mechanism) -> None:
+    from trebucheck.engines.mujoco.build import correction_of, load, preload, start_data
+    from trebucheck.engines.mujoco.constraints import slot_contacts, stop_constraints
+    from trebucheck.engines.mujoco.warm_start import start_at_the_solution
+
+    model = load(mechanism, MujocoEngine())
+    data, correction = start_data(model), correction_of(mechanism, model, MujocoEngine())
+    closed = [held for stop, held in stop_constraints(mechanism, model).items() if mechanism.stop(stop).closed]
+    with correction.applied():
+        preload(model, data, closed + slot_contacts(mechanism, model), correction)
+        correction.forward(data)
+    found = data.qacc.copy()
+    data.qacc_warmstart[:] = found + [100.0, -30.0, 70.0][: model.nv]  # far enough for other constraints to be active
+    start_at_the_solution(model, data)
+    assert data.qacc_warmstart == pytest.approx(found, abs=1e-9 * np.abs(found).max())
+
+
+def test_motions_and_forces_are_right_from_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    from trebucheck.engines.mujoco import build, reference_acceleration
+
+    started: list[float] = []
+    right = reference_acceleration.start_at_the_solution
+    monkeypatch.setattr(build, "loses_small_gains", lambda: True)
+    monkeypatch.setattr(
+        reference_acceleration,
+        "start_at_the_solution",
+        lambda model, data: (started.append(data.time), right(model, data)),
+    )
+    exact = solve(Problem(slider_crank(), 0.3))
+    found = MujocoEngine().simulate(exact.problem)
+    assert len(started) >= 4 * 300  # every stage of every step
+    assert misplaced(found, exact) <= SOFT
+    assert_forces_agree(found, exact)
+
+
 # --- Closed forms ------------------------------------------------------------------------------------------------
 
 
