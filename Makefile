@@ -58,14 +58,14 @@ importers: $(VENV)/installed
 	$(PYTHON) importers/run.py $(abspath $(BIN)/trebucheck) $(IMPORTERS); \
 		code=$$?; $(BIN)/python docs/generate.py importers && exit $$code
 
-LEAST_MUJOCO := 3.13.0
+LEAST_MUJOCO := 3.3.5
 mujoco3:
 	test -x .mujoco3/bin/python || $(PYTHON) -m venv .mujoco3
 	grep -v '^mujoco' constraints.txt > .mujoco3/constraints.txt
 	.mujoco3/bin/python -m pip install --quiet --disable-pip-version-check --constraint .mujoco3/constraints.txt ".[test]" mujoco==$(LEAST_MUJOCO)
 	.mujoco3/bin/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps .
 	.mujoco3/bin/python -m pytest -n 2 tests/agreement/test_mujoco*.py tests/agreement/test_inspection.py \
-		tests/agreement/test_zoo.py tests/unit/test_mjcf_writer.py
+		tests/agreement/test_zoo.py tests/agreement/test_mjcf_models.py tests/unit/test_mjcf_writer.py
 
 clean:
 	rm -rf $(VENV) .plugins .importers .mujoco3 build report site *.egg-info

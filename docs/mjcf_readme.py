@@ -15,7 +15,7 @@ from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.machines.registry import models, parameters_type
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.mjcf.recorded import RecordedMotion
-from trebucheck.models.mjcf.writer import POINT_INERTIA
+from trebucheck.models.mjcf.variants import POINT_INERTIA
 from trebucheck.models.stops import PointStop, Stop
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve

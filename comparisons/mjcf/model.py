@@ -14,7 +14,7 @@ from ...models.mjcf.variants import Variant
 from ...models.problem import Problem
 from .events import record_motion
 
-_STEP, _THROWN = 1e-3, 2.5e-4  # [s]
+_STEP = 1e-3  # [s]
 
 
 def mjcf(
@@ -35,16 +35,17 @@ def mjcf(
 
     Args:
         given: name of a machine or problem, a mechanism, or a problem.
-        timestep: of MuJoCo's integrator [s]; the stiffness of stops and loops is scaled with it. 1 ms if left out, with
-            `throw` 0.25 ms.
+        timestep: of MuJoCo's integrator [s]; the stiffness of stops and loops is scaled with it. 1 ms if left out.
         keyframes: whether the reference is solved for a keyframe at each release, impact and rest, and at the launch;
             `home`, the start, is always there.
         sensors: whether sensors are written; without them older versions of MuJoCo read it.
         finite_inertia: give point masses on pins an inertia, for importers that refuse or raise small ones. Mass is
             moved across the pins, so that the equations of motion stay what they are; the forces in these pins do not,
             and of a pin on the ground the total mass grows. The third point mass of a chain stays one.
-        throw: make the projectile a body of its own, tied to the machine by the equality `hold_projectile`; what
-            `trebucheck.models.mjcf.throw.throw(model, data)` steps to its landing.
+        throw: make the projectile a body of its own, tied to the machine by the equality `hold_projectile`; until
+            that is switched off the machine moves as without it. A millionth of its mass is tied, the rest stays in the
+            machine; `trebucheck.models.mjcf.throw.released(model, data)` switches it off and hands the mass over,
+            `throw(model, data)` there steps to the landing.
         as_spec: give a `mujoco.MjSpec` instead of text.
         parameters: of a named machine or problem; their defaults where left out.
 
@@ -59,7 +60,7 @@ def mjcf(
         raise InputError(f"{', '.join(parameters)}: only what has a name has parameters; this is a mechanism as it is.")
     mechanism = found.mechanism if isinstance(found, Problem) else found
     variant = Variant(sensors=sensors, finite_inertia=finite_inertia, throw=throw)
-    step = timestep if timestep is not None else _THROWN if throw else _STEP
+    step = timestep if timestep is not None else _STEP
     text = writer.mjcf(mechanism, step, motion_of(found) if keyframes else None, variant)
     return spec_of(text) if as_spec else text
 

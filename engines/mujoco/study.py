@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import JsonValue
 
 from ...models.mechanism import Mechanism
-from ...models.mjcf.writer import POINT_INERTIA
+from ...models.mjcf.variants import POINT_INERTIA
 from ..study import (
     HALF_THE_STEP,
     REFINEMENT,

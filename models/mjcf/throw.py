@@ -1,31 +1,38 @@
-"""The throw in MJCF: the projectile is a body of its own, tied to the machine by an equality that is switched off.
+"""The throw in MJCF: the projectile is a body that an equality ties to the machine until it is switched off.
 
-What it weighs is taken from the body that carries it; a massless sling keeps a tenth of it. The tie is soft like all of
-MuJoCo's constraints, and softer the lighter the sling is, since its regularisation is in proportion to the inverse
-masses; a stiffer one than the machine's stops have is not more exact with RK4. At the step of 0.25 ms that `tb.mjcf`
-takes for it, the machines with angle stops move as without the tie to 1e-6 m. Where points are held by contacts, plain
-steps lose and find them again, and two models that differ at all differ by what that costs.
+Until then the machine shall move as the model without it. MuJoCo's equalities are soft: what hangs on one with its
+weight moves otherwise, and contacts of the sling, whose softness follows from its mass, lose and find their walls in
+other steps. So the machine keeps the projectile's mass, but for a millionth, and that is what hangs on the equality.
+:func:`released` gives the projectile its mass, and the machine what is left; its flight does not depend on it.
+
+The projectile's joints are slides in the frame of the body that carries it, on which they are at rest at zero in all
+stages of a step. Tied to a point of the world it would be off by what the stages of RK4 differ in the two sets of
+coordinates, some 1e-6 m at a step of 1 ms.
 """
 
 from __future__ import annotations
 
+import copy
 import importlib
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import takewhile
 from typing import Any
 
-import numpy as np
-
 from ..errors import InputError, UnsupportedProblemError
-from ..kinematics import Kinematics
 from ..mechanism import Marker, Mechanism
-from .text import number, numbers, spatial
-from .variants import Inertia
+from .text import from_origin, number, numbers
+from .tree import joints_of, outwards
+from .variants import POINT_INERTIA, Inertia
 
 PROJECTILE, HOLD, LANDING = "thrown_projectile", "hold_projectile", "landing_ground"
 """Names of the body and its ball, of the equality, and of the plane that it lands on."""
+HANDED_OVER = "thrown_mass"
+"""Name of the number that says how much mass the machine hands over to the projectile at its release [kg]."""
 _KEPT = 0.1  # of the projectile's mass, by a sling that has no other
+_TIED = 1e-6  # of the mass that is thrown, on the equality
 
 
 @dataclass(frozen=True)
@@ -53,51 +60,79 @@ class Thrown:
         mass, whole = self.mechanism.thrown_mass(self.marker) or 0.0, self.mechanism.body(self.marker.body).mass
         return mass if mass < (1 - _KEPT) * whole else (1 - _KEPT) * mass
 
+    @cached_property
+    def tied(self) -> Inertia:
+        """The part of it that the equality holds."""
+        return Inertia(_TIED * self.mass, 0j, 0.0)
+
     def take_from(self, inertias: dict[str, Inertia]) -> None:
-        """Take its mass from the body that carries it."""
+        """Take what is tied from the body that carries it."""
         body, point = self.marker.body, complex(*self.marker.point)
-        lighter = inertias[body].with_mass_at(point, -self.mass)
+        lighter = inertias[body].with_mass_at(point, -self.tied.mass)
         inertias[body] = lighter if inertias[body].inertia else Inertia(lighter.mass, point, 0.0)
 
-    def place(self, q: tuple[float, ...]) -> list[float]:
-        """By how much the point has moved since the start [m], x and y."""
-        kinematics = Kinematics(self.mechanism)
-        row = kinematics.point(self.marker.body, self.marker.point)
-        there, start = (kinematics.position(row, np.array(each)) for each in (q, self.mechanism.start))
-        return (there - start).tolist()
+    def with_its_own(self, values: Sequence[float]) -> list[float]:
+        """Positions or speeds of MuJoCo's joints with those of the projectile, which are zero."""
+        bodies = [body.name for body in outwards(self.mechanism)]
+        before = [*takewhile(lambda name: name != self.marker.body, bodies), self.marker.body]
+        n = sum(len(joints_of(self.mechanism.joint_of(name))) for name in before)
+        return [*values[:n], 0.0, 0.0, *values[n:]]
 
-    def speed(self, q: tuple[float, ...], u: tuple[float, ...]) -> list[float]:
-        """Velocity of the point [m/s]."""
-        kinematics = Kinematics(self.mechanism)
-        row = kinematics.point(self.marker.body, self.marker.point)
-        return kinematics.velocity(row, np.array(q), np.array(u)).tolist()
-
-    def add_body(self, world: ET.Element, radius: float, ground: float, look: str) -> None:
-        """The projectile, which moves in the plane without turning, and the ground that it lands on."""
-        kinematics = Kinematics(self.mechanism)
-        row = kinematics.point(self.marker.body, self.marker.point)
-        x, y = kinematics.position(row, np.array(self.mechanism.start)).tolist()
-        ET.SubElement(world, "geom", group="4", name=LANDING, type="plane", pos=numbers(0, 0, ground), size="0 0 1")
-        body = ET.SubElement(world, "body", name=PROJECTILE, pos=spatial((x, y)))
-        turn = 0.4 * self.mass * radius**2
-        ET.SubElement(body, "inertial", pos="0 0 0", mass=number(self.mass), diaginertia=numbers(turn, turn, turn))
+    def add_body(self, element: ET.Element, body: str, radius: float, look: str) -> None:
+        """On the body that carries it, the projectile, which moves in the plane without turning."""
+        if body != self.marker.body:
+            return
+        origin = self.mechanism.joint_of(body).child_point
+        ball = ET.SubElement(element, "body", name=PROJECTILE, pos=from_origin(origin, self.marker.point))
+        self.tied.add_to(ball, (0.0, 0.0))
         for axis, way in (("x", "1 0 0"), ("z", "0 0 1")):
-            ET.SubElement(body, "joint", name=f"{PROJECTILE}_{axis}", type="slide", axis=way)
-        ET.SubElement(body, "site", name=PROJECTILE)
-        ET.SubElement(body, "geom", name=PROJECTILE, type="sphere", size=number(radius), rgba=look)
+            ET.SubElement(ball, "joint", name=f"{PROJECTILE}_{axis}", type="slide", axis=way)
+        ET.SubElement(ball, "site", name=PROJECTILE)
+        ET.SubElement(ball, "geom", name=PROJECTILE, type="sphere", size=number(radius), rgba=look)
+
+    def add_ground(self, world: ET.Element, level: float) -> None:
+        """The ground that it lands on, at a height [m]."""
+        ET.SubElement(world, "geom", group="4", name=LANDING, type="plane", pos=numbers(0, 0, level), size="0 0 1")
 
     def add_constraints(self, root: ET.Element) -> None:
-        """The tie, and the contact with the ground."""
+        """The equality, the contact with the ground, and the mass that is handed over."""
         contact = root.find("contact")
         contact = ET.SubElement(root, "contact") if contact is None else contact
-        solref = numbers(2 * self.timestep, 1)
-        ET.SubElement(contact, "pair", name=LANDING, geom1=LANDING, geom2=PROJECTILE, solref=solref, condim="3")
+        soft = numbers(2 * self.timestep, 1)
+        ET.SubElement(contact, "pair", name=LANDING, geom1=LANDING, geom2=PROJECTILE, solref=soft, condim="3")
         equality = root.find("equality")
         equality = ET.SubElement(root, "equality") if equality is None else equality
         ET.SubElement(
             equality, "connect", name=HOLD, site1=PROJECTILE, site2=self.marker.name,
-            solref=solref, solimp="0.9999 0.9999 0.001 0.5 2",
+            solref=numbers(-1 / self.timestep**2, -2 / self.timestep), solimp="0.9999 0.9999 0.001 0.5 2",
         )  # fmt: skip
+        custom = ET.SubElement(root, "custom")
+        ET.SubElement(custom, "numeric", name=HANDED_OVER, data=number(self.mass - self.tied.mass))
+
+
+def released(model: Any, data: Any) -> Any:
+    """Let the projectile of a model written with `throw=True` go: switch the equality off, and hand over the mass.
+
+    Args:
+        model: a `mujoco.MjModel`; it stays as it is.
+        data: its `mujoco.MjData`, whose equality is switched off.
+
+    Returns:
+        The model to go on with: the projectile has its mass, and the machine has it no longer.
+    """
+    mujoco: Any = importlib.import_module("mujoco")
+    data.eq_active[model.equality(HOLD).id] = 0
+    ball, handed = model.body(PROJECTILE).id, float(model.numeric(HANDED_OVER).data[0])
+    carrier, after = int(model.body_parentid[ball]), copy.copy(model)
+    at, centre = (complex(vector[0], vector[2]) for vector in (model.body_pos[ball], model.body_ipos[carrier]))
+    whole = Inertia(float(model.body_mass[carrier]), centre, float(model.body_inertia[carrier, 1]))
+    left = whole.with_mass_at(at, -handed)
+    after.body_mass[[carrier, ball]] = left.mass, model.body_mass[ball] + handed
+    after.body_ipos[carrier] = left.centre.real, 0.0, left.centre.imag
+    after.body_inertia[carrier] = max(left.inertia, POINT_INERTIA)
+    after.body_sameframe[carrier] = 0
+    mujoco.mj_setConst(after, mujoco.MjData(after))
+    return after
 
 
 def throw(model: Any, data: Any, release_time: float | None = None, longest: float = 60.0) -> float:
@@ -119,11 +154,10 @@ def throw(model: Any, data: Any, release_time: float | None = None, longest: flo
     at = float(model.key("launch").time[0]) if release_time is None else release_time
     while data.time < at:
         mujoco.mj_step(model, data)
-    data.eq_active[model.equality(HOLD).id] = 0
-    pair = model.pair(LANDING)
+    after, pair = released(model, data), model.pair(LANDING)
     wanted = {int(pair.geom1[0]), int(pair.geom2[0])}
     while not data.ncon or not any(set(contact.geom.tolist()) == wanted for contact in data.contact):
         if data.time > longest:
             raise InputError(f"the projectile has not landed by {longest:g} s.")
-        mujoco.mj_step(model, data)
+        mujoco.mj_step(after, data)
     return float(data.body(PROJECTILE).xpos[0])

@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 
 from ..joints import GROUND, AnyJoint, FreeJoint
-from ..mechanism import Mechanism
+from ..mechanism import Body, Mechanism
 
 
 def slide_joints(joint: AnyJoint) -> tuple[str, ...]:
@@ -18,6 +18,11 @@ def slide_joints(joint: AnyJoint) -> tuple[str, ...]:
     if isinstance(joint, FreeJoint):
         return f"{joint.name}/x", f"{joint.name}/y"
     return (f"{joint.name}/slide",) if joint.slides else ()
+
+
+def joints_of(joint: AnyJoint) -> tuple[str, ...]:
+    """Names of all parts of a joint of the tree, slides first."""
+    return (*slide_joints(joint), *(() if joint.holds_angle else (joint.name,)))
 
 
 def hinge_chain(mechanism: Mechanism, body: str) -> tuple[str, ...]:
@@ -38,16 +43,20 @@ def joint_values(mechanism: Mechanism, rates: Sequence[float]) -> list[float]:
     """
     turning = {name: 0.0 if index is None else rates[index] for name, (index, _) in mechanism.attitudes.items()}
     sliding = dict(zip(mechanism.coordinates, rates, strict=True))
+    values: list[float] = []
+    for body in outwards(mechanism):
+        joint = mechanism.joint_of(body.name)
+        values += [sliding[name] for name in joint.slides]
+        if not joint.holds_angle:
+            values.append(turning[body.name] - turning[joint.parent])
+    return values
 
-    def below(parent: str) -> Iterator[float]:
-        for body in mechanism.children(parent):
-            joint = mechanism.joint_of(body.name)
-            yield from (sliding[name] for name in joint.slides)
-            if not joint.holds_angle:
-                yield turning[body.name] - turning[parent]
-            yield from below(body.name)
 
-    return list(below(GROUND))
+def outwards(mechanism: Mechanism, parent: str = GROUND) -> Iterator[Body]:
+    """The bodies beyond one in MuJoCo's order, depth first."""
+    for body in mechanism.children(parent):
+        yield body
+        yield from outwards(mechanism, body.name)
 
 
 def start_angles(mechanism: Mechanism) -> dict[str, float]:
@@ -81,9 +90,5 @@ def add_angle_tendon(
 
 def _constant(mechanism: Mechanism) -> dict[str, int]:
     """A weight of zero: of bodies that turn together the angle is constant."""
-    names = [name for joint in mechanism.tree_joints for name in (*slide_joints(joint), *_hinge(joint))]
+    names = [name for joint in mechanism.tree_joints for name in joints_of(joint)]
     return dict.fromkeys(names[:1], 0)
-
-
-def _hinge(joint: AnyJoint) -> tuple[str, ...]:
-    return () if joint.holds_angle else (joint.name,)

@@ -47,12 +47,6 @@ FAR = 1e10
 MARGIN = 1e-12
 """How near its limit a joint must be for the limit to act [rad]; strictly nearer, so 0 would miss the start."""
 
-POINT_INERTIA = 2e-15
-"""Moment of inertia that stands for none [kg m^2]: twice the least that MuJoCo takes (mjMINVAL).
-
-It counts relative to m r^2: 1e-6 costs 1.6e-8 m on Table I, 1e-12 shows in the model of a machine of a few grams.
-"""
-
 
 def position_sensor(marker: str) -> str:
     """Name of the sensor of a marker's position [m]."""
@@ -194,13 +188,13 @@ class _Writer:
         """The start, and the events of the recorded motion."""
         speeds = joint_values(self.mechanism, self.speeds)
         if self.thrown:
-            speeds += self.thrown.speed(self.mechanism.start, tuple(self.speeds))
+            speeds = self.thrown.with_its_own(speeds)
         ET.SubElement(keyframe, "key", name=HOME, qpos=numbers(*[0.0] * len(speeds)), qvel=numbers(*speeds))
         for key in self.motion.keyframes if self.motion else ():
             moved = [q - start for q, start in zip(key.q, self.start, strict=True)]
             places, speeds = (joint_values(self.mechanism, values) for values in (moved, key.u))
             if self.thrown:
-                places, speeds = places + self.thrown.place(key.q), speeds + self.thrown.speed(key.q, key.u)
+                places, speeds = self.thrown.with_its_own(places), self.thrown.with_its_own(speeds)
             ET.SubElement(
                 keyframe, "key", name=key.name, time=number(key.time), qpos=numbers(*places), qvel=numbers(*speeds)
             )
@@ -248,23 +242,20 @@ class _Writer:
         for body in self.mechanism.children(GROUND):
             self._add_body(world, body)
         if self.thrown:
-            radius = round(0.028 * self.points.reach, 3)
-            self.thrown.add_body(world, radius, ground_level(self.mechanism, self.motion), STONE)
+            self.thrown.add_ground(world, ground_level(self.mechanism, self.motion))
 
     def _add_body(self, parent: ET.Element, body: Body) -> None:
         joint = self.mechanism.joint_of(body.name)
         turn = self._turn(joint)
         element = ET.SubElement(parent, "body", name=body.name, pos=self._origin(joint), euler=numbers(0, turn, 0))
-        mass = self.inertias[body.name]
-        ET.SubElement(
-            element, "inertial", pos=from_origin(joint.child_point, (mass.centre.real, mass.centre.imag)),
-            mass=number(mass.mass), diaginertia=numbers(*[max(mass.inertia, POINT_INERTIA)] * 3),
-        )  # fmt: skip
+        self.inertias[body.name].add_to(element, joint.child_point)
         self._add_joints(element, joint)
         self.appearance.add(element, body, joint.child_point)
         ET.SubElement(element, "site", name=f"{joint.name}/joint")
         self._add_sites(element, body.name, joint.child_point)
         self.points.add_points(element, body, joint.child_point)
+        if self.thrown:
+            self.thrown.add_body(element, body.name, round(0.028 * self.points.reach, 3), STONE)
         for child in self.mechanism.children(body.name):
             self._add_body(element, child)
 
