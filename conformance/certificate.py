@@ -43,6 +43,7 @@ MARKS: dict[State, Mark] = {
     State.SKIPPED: "muted",
 }
 _LISTED = 12
+_COMPARE = "`trebucheck compare --engines {} --models {}`"
 
 
 def headline(results: Conformance) -> str:
@@ -81,6 +82,12 @@ def _next(results: Conformance) -> Iterator[Block]:
     if steps:
         yield Heading("What to do next", 2, medium="any")
         yield Listing(tuple(Text(step) for step in steps[:_LISTED]), ordered=True)
+    unexplained = [v for v in results.verdicts if v.failed and v.error is not None and not v.cause]
+    if unexplained:
+        where, name = unexplained[0].problem, unexplained[0].id.split("/", 1)[0]
+        yield Text(
+            f"No cause was looked for where none is named, to save time: {_COMPARE.format(name, where)} does so."
+        )
     more = [text for label in results.engines for text in optional_steps(label)]
     if more:
         yield Heading("What is missing, and may stay so", 2, medium="any")
@@ -90,6 +97,8 @@ def _next(results: Conformance) -> Iterator[Block]:
 def next_steps(results: Conformance) -> Iterator[str]:
     """Sentences on what fails: the interface first, then the problems from the simplest on, each in one sentence."""
     failing = [verdict for verdict in results.verdicts if verdict.failed]
+    if not _judged(results):  # as where the engine is not installed
+        yield from sorted({f"{verdict.text.removesuffix('.')}." for verdict in results.verdicts if verdict.text})
     for (where, problem), own in groupby(failing, key=lambda v: (v.id.rsplit("/", 2)[0], v.problem)):
         found = list(own)
         if problem in (INTERFACE, "row"):

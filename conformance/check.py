@@ -15,6 +15,7 @@ from ..engines.registry import engine_class
 from ..models.errors import EngineNotInstalledError, InputError
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem, StopLaw
+from .interface import absence
 from .suite import Target
 
 
@@ -58,7 +59,7 @@ def check(
     __tracebackhide__ = True
     target = Target.of(engine)
     if not engine_class(target.engine).is_installed():
-        raise EngineNotInstalledError(f"engine {target.engine!r} is not installed here.")
+        raise EngineNotInstalledError(absence(engine_class(target.engine)))
     needs = {_title(name): value for name, value in tolerances.items()}
     given = Mechanism.load(Path(model)) if isinstance(model, str) and model.endswith(".json") else model
     study = Study(

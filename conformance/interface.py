@@ -98,6 +98,12 @@ def is_installed(cls: EngineClass) -> bool:
         return False
 
 
+def absence(cls: EngineClass) -> str:
+    """What is missing of an engine that is not installed, in its own words where it has any."""
+    own = getattr(cls, "absence", None)
+    return str(own() if own is not None else f"engine {cls.name!r} is not installed here.")
+
+
 def checked(name: str, preset: str, problems: Sequence[str], worker: Worker) -> dict[str, Found]:
     """Every check of the interface."""
     subject = _Subject(name, preset, problems, worker)

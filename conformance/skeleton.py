@@ -29,6 +29,11 @@ def write_skeleton(name: str, folder: Path) -> tuple[Path, ...]:
     """
     if not _NAME.fullmatch(name) or keyword.iskeyword(name):
         raise InputError(f"engine {name!r}: a name of small letters, digits and hyphens is needed, e.g. my-engine.")
+    if name.startswith("trebucheck-"):
+        raise InputError(
+            f"engine {name!r}: the name of the engine is needed, without that of the distribution: "
+            f"{name.removeprefix('trebucheck-')}."
+        )
     if name in engine_names():
         raise InputError(f"engine {name!r}: there is one of that name already; another name is needed.")
     if folder.exists() or folder.is_symlink():

@@ -147,7 +147,7 @@ class Suite:
 
     def _judged(self, problem: str) -> dict[str, Verdict]:
         if not interface.is_installed(engine_class(self.target.engine)):
-            text = f"engine {self.target.engine!r} is not installed here"
+            text = interface.absence(engine_class(self.target.engine)).removesuffix(".")
             return self._all(problem, State.BROKEN if self.required else State.SKIPPED, text)
         if problem == INTERFACE:
             found = interface.checked(self.target.engine, self.target.preset, self.problems, self._worker)
@@ -177,22 +177,28 @@ class Suite:
             return self._failed(problem, f"the engine cannot be made: {error}")
         run = self._made(runs, problem, own)
         if run.outcome is Outcome.FAILED:
-            return self._failed(problem, f"{run.message}")
+            slow = "did not finish" in (run.message or "")
+            longer = "; a longer --timeout [s] (of pytest: --trebucheck-timeout) may let it" if slow else ""
+            return self._failed(problem, f"{(run.message or '').removesuffix('.') if slow else run.message}{longer}")
         if run.outcome is Outcome.UNSUPPORTED:
             return self._failed(problem, f"it refuses what it declares: {run.message}")
         if run.outcome is Outcome.NOT_EQUIVALENT:
             return self._failed(problem, " ".join([f"{run.message}", *diagnosis(run)]), "model")
         self._diagnosed += bool(run.broken)
-        return self._of_run(problem, run)
+        scaled = own.timestep != made.timestep
+        return self._of_run(problem, run, f" at steps of {own.timestep:g} s" if scaled else "")
 
     def _made(self, runs: MachineRuns, problem: str, own: Engine) -> Run:
         found = runs.made(Case(problem, self.target.engine, self.target.preset), own)
         assert not isinstance(found, RunRecord)  # there is no store
         return found.run
 
-    def _of_run(self, problem: str, run: Run) -> dict[str, Verdict]:
+    def _of_run(self, problem: str, run: Run, steps: str) -> dict[str, Verdict]:
+        """Verdicts; those that speak against the engine say at which steps, where those are not the preset's."""
         verdicts = {check: self._of_quantity(problem, check, run) for check in self._checks[problem][2:]}
-        return {"runs": self._of_rest(problem, run), "model": self._of_model(problem, run)} | verdicts
+        found = {"runs": self._of_rest(problem, run), "model": self._of_model(problem, run)} | verdicts
+        broken = {check: v.model_copy(update={"text": v.text + steps}) for check, v in found.items() if v.failed}
+        return found | broken
 
     def _of_rest(self, problem: str, run: Run) -> Verdict:
         """That it ran; and whatever is judged of a run and is no check of its own."""

@@ -241,6 +241,11 @@ class BuiltinEngine(EngineOptions, ABC):
     def _run(self, problem: Problem) -> Recording:
         """Build, run and read out."""
 
+    @classmethod
+    def absence(cls) -> str:
+        """What is missing where the engine is not installed, and what brings it, in one sentence."""
+        return f"engine {cls.name!r} is not installed here; `pip install {cls.package}` brings it."
+
     def refuse_absence(self) -> None:
         """Say that the engine is not here, before its library is missed.
 
@@ -248,9 +253,7 @@ class BuiltinEngine(EngineOptions, ABC):
             EngineNotInstalledError: the engine's package is not here.
         """
         if not self.is_installed():
-            raise EngineNotInstalledError(
-                f"engine {self.name!r} is not installed here; `pip install {self.package}` brings it."
-            )
+            raise EngineNotInstalledError(self.absence())
 
     def _refuse_what_cannot_run(self, problem: Problem) -> None:
         refuse_no_problem(problem)

@@ -191,6 +191,16 @@ class Uninstalled(Everything):
         return False
 
 
+class Bridged(Uninstalled):
+    """Is no Python distribution, and says so."""
+
+    name = "bridged"
+
+    @classmethod
+    def absence(cls) -> str:
+        return "bridged runs in node, which is not on the path."
+
+
 class Raising(Everything):
     """Fails as a careless library does."""
 

@@ -135,6 +135,22 @@ def test_an_engine_that_is_absent_is_skipped_unless_it_is_required() -> None:
     for required, state in ((False, State.SKIPPED), (True, State.BROKEN)):
         suite = Suite(target, ("catapult",), REFERENCES, required=required, isolate=False)
         assert {verdict.state for verdict in suite.verdicts()} == {state}
+        results = Session([], "quick", Deviations()).results.model_copy(update={"verdicts": tuple(suite.verdicts())})
+        assert any("engine 'uninstalled' is not installed here." in step for step in next_steps(results))
+
+
+def test_an_absent_engine_says_itself_what_is_missing() -> None:
+    suite = Suite(Target.of("dummy_engines:Bridged"), ("catapult",), REFERENCES, isolate=False)
+    assert {verdict.text for verdict in suite.verdicts()} == {"bridged runs in node, which is not on the path"}
+    with pytest.raises(tb.EngineNotInstalledError, match=r"^bridged runs in node, which is not on the path\.$"):
+        tb.check("dummy_engines:Bridged", "catapult")
+
+
+def test_what_breaks_at_steps_that_are_not_the_presets_says_at_which() -> None:
+    suite = Suite(Target.of("wrong_engines:Wrong_quarter_gravity"), ("pendulum", "catapult"), REFERENCES, isolate=False)
+    for problem, told in (("pendulum", True), ("catapult", False)):
+        verdict = suite.verdict(f"{suite.target.label}/{problem}/position")
+        assert verdict.failed and (" at steps of " in verdict.text) is told
 
 
 def _session(folder: Path, engine: str, rows: str) -> Session:
@@ -302,6 +318,8 @@ def test_the_skeleton_is_whole_and_red_in_its_first_step(tmp_path: Path, monkeyp
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     assert main(["plugin", "new", "my-engine", "--out", str(folder)]) == 2
     assert before == {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    assert main(["plugin", "new", "trebucheck-my-engine", "--out", str(tmp_path / "doubled")]) == 2
+    assert not (tmp_path / "doubled").exists()
     monkeypatch.syspath_prepend(str(folder))
     suite = _suite("trebucheck_my_engine:MyEngine", ("catapult", "fixed"))
     found = list(suite.verdicts())

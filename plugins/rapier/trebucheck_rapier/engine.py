@@ -10,7 +10,6 @@ import numpy as np
 from pydantic import Field
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
-from trebucheck.models.errors import EngineNotInstalledError
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Positive
@@ -75,14 +74,10 @@ class RapierEngine(BuiltinEngine):
         """Of Rapier's npm package; 'not installed' if there is none."""
         return bridge.version()
 
-    def refuse_absence(self) -> None:
-        """Say what is missing.
-
-        Raises:
-            EngineNotInstalledError: Node.js or Rapier is not here.
-        """
-        if not self.is_installed():
-            raise EngineNotInstalledError(bridge.absence())
+    @classmethod
+    def absence(cls) -> str:
+        """What is missing, and what brings it, in one sentence."""
+        return bridge.absence()
 
     def _run(self, problem: Problem) -> Recording:
         built = Built(problem.mechanism, self.least_inertia, self.carriage)
