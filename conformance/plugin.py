@@ -14,8 +14,11 @@ import pytest
 
 if TYPE_CHECKING:
     from .session import Session
+    from .verdicts import Verdict
 
 _KEY: pytest.StashKey[Session] = pytest.StashKey()
+ROWS = "trebucheck_rows"
+"""What a process of pytest-xdist says in the end: the rows of the file of deviations that were chosen."""
 _REQUIRED: pytest.StashKey[tuple[str, ...]] = pytest.StashKey()
 """Engines of --require-engine."""
 
@@ -56,9 +59,8 @@ def pytest_configure(config: pytest.Config) -> None:
     if not engines:
         _refuse_alone(config)
         return
-    if getattr(config.option, "numprocesses", None):  # of pytest-xdist: each would run every problem again
-        raise pytest.UsageError("--trebucheck makes its checks in one process, beside the engine's: add -n 0")
     from ..models.errors import TrebucheckError
+    from .reports import Reports
     from .session import Session
 
     names = ("tier", "problem", "timeout", "deviations", "json")
@@ -70,8 +72,25 @@ def pytest_configure(config: pytest.Config) -> None:
         raise pytest.UsageError(str(error)) from None
     config.stash[_KEY] = session
     config.add_cleanup(session.close)
+    if _reports(config):
+        config.pluginmanager.register(Reports(config, session), "trebucheck-reports")
     if config.args_source is not pytest.Config.ArgsSource.ARGS:
         config.args = []
+
+
+def _reports(config: pytest.Config) -> bool:
+    """Whether it is this process that reports, and not one that pytest-xdist has started for tests."""
+    return not hasattr(config, "workerinput")
+
+
+@pytest.hookimpl(tryfirst=True, optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """The checks of one problem go to one process: it is run once for all of them."""
+    if _KEY not in config.stash or config.getoption("dist") == "each":
+        return None
+    from .distributed import scheduler
+
+    return scheduler(config, log)
 
 
 def _refuse_alone(config: pytest.Config) -> None:
@@ -83,27 +102,14 @@ def _refuse_alone(config: pytest.Config) -> None:
 class ConformanceItem(pytest.Item):
     """One check of one engine."""
 
-    def setup(self) -> None:
-        """Its place in a JUnit file: the problem is the class, the check the name."""
-        from _pytest.junitxml import xml_key
-
-        xml = self.config.stash.get(xml_key, None)
-        if xml is not None:
-            where, _, check = self.name.rpartition("/")
-            reporter = xml.node_reporter(self.nodeid)
-            reporter.add_attribute("classname", where.replace("/", "."))
-            reporter.add_attribute("name", check)
+    verdict: Verdict | None = None
 
     def runtest(self) -> None:
         """Judge it; the first check of a problem runs it."""
-        verdict = self.config.stash[_KEY].judged(self.name)
-        for key in ("subject", "error", "unit", "tolerance", "source", "cause", "wall_time"):
-            value = getattr(verdict, key)
-            if value not in (None, ""):
-                self.user_properties.append((key, value))
+        verdict = self.verdict = self.config.stash[_KEY].judged(self.name)
+        self.user_properties += verdict.properties
         if verdict.failed:
-            source = f"tolerance by {verdict.source}" if verdict.source else ""
-            raise CheckFailedError("\n".join(filter(None, (verdict.text, source, verdict.cause))))
+            raise CheckFailedError(verdict.complaint)
         if verdict.state.value == "known deviation":
             pytest.xfail(verdict.text)
         if verdict.state.value == "skipped":
@@ -133,15 +139,25 @@ class ConformanceSuite(pytest.Collector):
             yield ConformanceItem.from_parent(self, name=name, nodeid=name)
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(session: pytest.Session, config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Add the suite; -k and --last-failed then choose from it as from any tests."""
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_collection_modifyitems(
+    session: pytest.Session, config: pytest.Config, items: list[pytest.Item]
+) -> Iterator[None]:
+    """Add the suite; -k and --last-failed then choose from it as from any tests.
+
+    One process of several does not know what the others find: rows of the file of deviations are judged in the end.
+    """
     if _KEY not in config.stash:
-        return
+        return (yield)
     suite = ConformanceSuite.from_parent(session, name="trebucheck", nodeid="trebucheck")
-    own = list(suite.collect())
-    items.extend(own)
+    items.extend(suite.collect())
     session.testscollected = len(items)
+    yield
+    if not _reports(config):
+        rows = [item for item in items if item.name in config.stash[_KEY].rows and isinstance(item, ConformanceItem)]
+        items[:] = [item for item in items if item not in rows]
+        config.workeroutput[ROWS] = [item.name for item in rows]  # type: ignore[attr-defined] - of pytest-xdist
+    return None
 
 
 @pytest.hookimpl(hookwrapper=True)
@@ -150,7 +166,10 @@ def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
     outcome: Any = yield
     checker = getattr(item, "funcargs", {}).get("trebucheck")
     asked: list[str] = [item.name.partition("/")[0]] if isinstance(item, ConformanceItem) else []
-    outcome.get_result().trebucheck_engines = sorted(checker.asked) if isinstance(checker, _Checker) else asked
+    report = outcome.get_result()
+    report.trebucheck_engines = sorted(checker.asked) if isinstance(checker, _Checker) else asked
+    if isinstance(item, ConformanceItem) and item.verdict is not None:
+        report.trebucheck_verdict = item.verdict.to_json()
 
 
 def pytest_runtest_logreport(report: Any) -> None:
@@ -165,10 +184,11 @@ _HEARD: set[str] = set()
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
     """Write the JSON; an engine that was required and said nothing fails the session."""
+    if not _reports(session.config):
+        return
     if _KEY in session.config.stash:
         session.config.stash[_KEY].write()
-    controller = not hasattr(session.config, "workerinput")
-    if controller and _silent(session.config) and exitstatus in (0, pytest.ExitCode.NO_TESTS_COLLECTED):
+    if _silent(session.config) and exitstatus in (0, pytest.ExitCode.NO_TESTS_COLLECTED):
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 

@@ -29,8 +29,9 @@ class Session:
         self._suites, self._tier, self._deviations, self._path = tuple(suites), tier, deviations, path
         self._by_id = {id: suite for suite in self._suites for id in suite.ids}
         self._found: dict[str, Verdict] = {}
-        self._rows = tuple(f"deviations/file/row/{row.id}" for row in deviations.deviation)
-        self.ids = (*self._by_id, *self._rows)
+        self.rows = tuple(f"deviations/file/row/{row.id}" for row in deviations.deviation)
+        """Ids of the rows of the file of deviations, among all ids the last."""
+        self.ids = (*self._by_id, *self.rows)
         """Of all checks; those of the rows of the file of deviations come last."""
 
     @classmethod
@@ -73,14 +74,18 @@ class Session:
     def judged(self, id: str) -> Verdict:
         """The verdict on a check, or on a row of the file of deviations."""
         if id not in self._found:
-            found = self._row(id) if id in self._rows else self._deviations.applied(self._by_id[id].verdict(id))
+            found = self._row(id) if id in self.rows else self._deviations.applied(self._by_id[id].verdict(id))
             self._found[id] = found
         return self._found[id]
+
+    def take(self, verdict: Verdict) -> None:
+        """Take over what another process has judged."""
+        self._found.setdefault(verdict.id, verdict)
 
     def _row(self, id: str) -> Verdict:
         known = [*self._by_id, *(id for s in self._suites for id in _every_id(s))]
         rows = self._deviations.of_rows(known, self._found.values(), [suite.target.label for suite in self._suites])
-        return dict(zip(self._rows, rows, strict=True))[id]
+        return dict(zip(self.rows, rows, strict=True))[id]
 
     @property
     def results(self) -> Conformance:

@@ -26,6 +26,9 @@ class State(StrEnum):
     SKIPPED = "skipped"
 
 
+_PROPERTIES = ("subject", "error", "unit", "tolerance", "source", "cause", "wall_time")
+
+
 class Verdict(Spec):
     """On one check of one engine."""
 
@@ -54,6 +57,18 @@ class Verdict(Spec):
     def failed(self) -> bool:
         """Whether it speaks against the engine."""
         return self.state in (State.BROKEN, State.NOT_JUDGED)
+
+    @property
+    def complaint(self) -> str:
+        """What is wrong, by which tolerance, and why."""
+        source = f"tolerance by {self.source}" if self.source else ""
+        return "\n".join(filter(None, (self.text, source, self.cause)))
+
+    @property
+    def properties(self) -> list[tuple[str, object]]:
+        """As a JUnit file has them."""
+        given = {name: getattr(self, name) for name in _PROPERTIES}
+        return [(name, value) for name, value in given.items() if value not in (None, "")]
 
 
 class Conformance(ResultFile):

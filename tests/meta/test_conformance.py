@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator
@@ -252,6 +253,27 @@ def test_pytest_runs_the_suite_from_a_strangers_folder_and_none_of_its_tests(tmp
     written = json.loads((tmp_path / "r.json").read_text())
     assert written["format"] == "trebucheck-conformance-1" and written["engines"] == {"degrees/tuned": "1.0"}
     assert len(written["verdicts"]) == len(cases)
+
+
+@pytest.mark.slow
+def test_several_processes_of_pytest_find_the_same_and_judge_rows_in_the_end(tmp_path: Path) -> None:
+    rows = [ROW.format(f"degrees/*/{check}") for check in ("*/angle", "catapult/position", "incline/angel")]
+    (tmp_path / "known.toml").write_text("".join(rows))
+    asked = ["--trebucheck", "wrong_engines:Wrong_degrees", "-n", "2", "--dist", "load", "-v"]
+    problems = ["--trebucheck-problem", "catapult", "--trebucheck-problem", "incline"]
+    files = ["--junitxml", "j.xml", "--trebucheck-json", "r.json", "--trebucheck-deviations", "known.toml"]
+    done = _pytest(tmp_path, *asked, *problems, *files, "--require-engine", "degrees")
+    assert done.returncode == 1 and "2 failed" in done.stdout and "1 xfailed" in done.stdout, done.stdout + done.stderr
+    assert "catapult/position' is stale" in done.stdout and "incline/angel' is about no check" in done.stdout
+    cases = [case.attrib["classname"] for case in ElementTree.parse(tmp_path / "j.xml").iter("testcase")]
+    written = json.loads((tmp_path / "r.json").read_text())["verdicts"]
+    assert sorted(cases) == sorted(v["id"].rpartition("/")[0].replace("/", ".") for v in written)
+    suite = _suite("wrong_engines:Wrong_degrees", ("catapult", "incline"))
+    assert [verdict["id"] for verdict in written if not verdict["id"].startswith("deviations/")] == list(suite.ids)
+    served: dict[str, set[str]] = {}
+    for process, problem in re.findall(r"\[gw(\d)\].* degrees/tuned/(\S+)/\S+", done.stdout):
+        served.setdefault(problem, set()).add(process)
+    assert served.keys() == {"interface", "catapult", "incline"} and all(len(each) == 1 for each in served.values())
 
 
 TEST_OF_ONES_OWN = """
