@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from itertools import groupby
@@ -177,20 +176,14 @@ def _problem_rows(verdicts: Sequence[Verdict]) -> Iterator[Row]:
             continue
         engine, _, problem = where.rpartition("/")
         kept, judged = (sum(v.state in states for v in found) for states in ((State.KEPT,), _JUDGED))
-        worst = max((v for v in found if v.tolerance), key=_share, default=None)
-        share = "" if worst is None else f"{_share(worst):.2g}"
+        worst = max((v for v in found if v.share is not None), key=lambda v: v.share or 0.0, default=None)
+        share = "" if worst is None else f"{worst.share:.2g}"
         wall = next((f"{v.wall_time:.2f}" for v in found if v.wall_time is not None), "")
         name = "" if worst is None else worst.check
         yield row(engine, problem, f"{kept}/{judged}" if judged else "", name, share, wall, _said(found))
 
 
 _JUDGED = tuple(state for state in State if state is not State.SKIPPED)
-
-
-def _share(verdict: Verdict) -> float:
-    """Of its tolerance, that the error is."""
-    assert verdict.tolerance is not None
-    return math.inf if verdict.error is None else verdict.error / verdict.tolerance
 
 
 def _said(found: Iterable[Verdict]) -> Cell:

@@ -6,6 +6,10 @@ from typing import Any
 
 import pytest
 
+ROWS = "trebucheck_rows"
+"""What a process of pytest-xdist says in the end: the rows of the file of deviations that were chosen."""
+_SLASHES = 3  # engine/preset/problem/check
+
 
 def scheduler(config: pytest.Config, log: Any) -> Any:
     """A scheduler that gives all checks of a problem to one process, and other tests as `--dist` says."""
@@ -22,6 +26,3 @@ def scheduler(config: pytest.Config, log: Any) -> Any:
             return nodeid if dist in ("load", "worksteal") else str(super()._split_scope(nodeid))
 
     return ByProblem(config, log)
-
-
-_SLASHES = 3  # engine/preset/problem/check

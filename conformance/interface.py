@@ -25,7 +25,7 @@ _SHORT = 200  # steps of a run that is only made to see whether it is made
 _SPAN = 0.1  # [s] of an engine that has no step
 
 
-class _BrokenError(Exception):
+class _BrokenError(TrebucheckError):
     """A check's sentence."""
 
 
@@ -114,8 +114,6 @@ def _found(check: Callable[[_Subject], str], subject: _Subject) -> Found:
     """What a check finds; its text is why it is skipped, if it has one."""
     try:
         skipped = check(subject)
-    except _BrokenError as error:
-        return State.BROKEN, str(error)
     except TrebucheckError as error:
         return State.BROKEN, str(error)
     except Exception as error:

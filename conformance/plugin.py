@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from .distributed import ROWS
+
 if TYPE_CHECKING:
     from .session import Session
     from .verdicts import Verdict
 
 _KEY: pytest.StashKey[Session] = pytest.StashKey()
-ROWS = "trebucheck_rows"
-"""What a process of pytest-xdist says in the end: the rows of the file of deviations that were chosen."""
 _REQUIRED: pytest.StashKey[tuple[str, ...]] = pytest.StashKey()
 """Engines of --require-engine."""
 

@@ -66,6 +66,8 @@ def quantities(mechanism: Mechanism, law: StopLaw, capabilities: Capabilities) -
         "launch_speed": mechanism.marker(THROWN) is None,
         "impact_time": not unilateral,
         "stop_penetration": not unilateral,
+        "impact_impulse": True,  # of files only, as the next
+        "impact_speed": True,
         "horizontal_momentum": not keeps_horizontal_momentum(mechanism),
         "joint_gap_max": not capabilities.joint_gaps,
         "base_error": True,  # of motions beyond their horizon only; then it is judged with the run

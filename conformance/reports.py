@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from .plugin import ROWS
+from .distributed import ROWS
 from .session import Session
 from .verdicts import State, Verdict
 

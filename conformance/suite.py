@@ -222,7 +222,7 @@ class Suite:
 def _judgement(metrics: Iterable[Metric], run: Run) -> Verdict:
     """On the metrics of one quantity, by the worst of them."""
     own = [m for m in metrics if m.follows is None]
-    judged = sorted((m for m in own if m.tolerance is not None), key=_badness)
+    judged = sorted((m for m in own if m.share is not None), key=lambda m: m.share or 0.0)
     if not judged:
         told = [m.note for m in own if m.note]
         unjudged = [m for m in own if m.unjudged]
@@ -238,11 +238,6 @@ def _judgement(metrics: Iterable[Metric], run: Run) -> Verdict:
         unit=worst.unit, tolerance=worst.tolerance, source=f"{worst.source}: {worst.reason}",
         cause=" ".join(diagnosis(run)) if broken else "",
     )  # fmt: skip
-
-
-def _badness(metric: Metric) -> float:
-    assert metric.tolerance is not None
-    return float("inf") if metric.value is None else abs(metric.value) / (metric.tolerance or 1e-300)
 
 
 def _complaint(m: Metric) -> str:

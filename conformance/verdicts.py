@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from ..comparisons.runs.results import ResultFile
+from ..comparisons.runs.results import ResultFile, share_of
 from ..models.spec import Real, Spec
 
 FORMAT = "trebucheck-conformance-1"
@@ -42,6 +42,11 @@ class Verdict(Spec):
     source: str = Field(default="", description="where the tolerance comes from")
     cause: str = Field(default="", description="what accounts for the error, where that is known")
     wall_time: Real | None = Field(default=None, description="of the engine's run [s]; of the check 'runs' only")
+
+    @property
+    def share(self) -> float | None:
+        """Of its tolerance, that its error is; as of a metric."""
+        return share_of(self.error, self.tolerance)
 
     @property
     def problem(self) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +40,40 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 def _param(name: str) -> object:
     absent = not engine_class(name).is_installed()
     return pytest.param(name, marks=pytest.mark.skipif(absent, reason=f"{name} is not installed here"), id=name)
+
+
+ABSENT = tuple(name for name in ("mujoco", "pymunk", "exudyn") if not engine_class(name).is_installed())
+"""Engines of this package whose library is not here."""
+_ASKED_FOR: set[str] = set()
+"""Those of them that the module of the moment has asked for, in a test or in a fixture of several."""
+
+
+def _asked(name: str) -> Callable[..., bool]:
+    """What an absent engine answers when it is asked whether it is installed."""
+    return lambda *_: bool(_ASKED_FOR.add(name))
+
+
+for absent in ABSENT:
+    engine_class(absent).is_installed = _asked(absent)  # type: ignore[method-assign]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Generator[None, Any, Any]:
+    """A test that needs an engine that is not here is skipped, with that reason, instead of failing."""
+    report = yield
+    error = call.excinfo.value if call.excinfo else None
+    if isinstance(error, ModuleNotFoundError) and error.name:
+        _ASKED_FOR.update({error.name.partition(".")[0]} & set(ABSENT))
+    if report.failed and _ASKED_FOR:
+        report.outcome, reason = "skipped", f"it needs {', '.join(sorted(_ASKED_FOR))}, which is not installed here"
+        report.longrepr = str(item.path), (item.location[1] or 0) + 1, f"Skipped: {reason}"
+    return report
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    if nextitem is None or nextitem.path != item.path:
+        _ASKED_FOR.clear()
 
 
 @pytest.fixture(params=[tb.fixed, tb.rolling], ids=["fixed", "rolling"])

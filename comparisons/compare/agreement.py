@@ -92,10 +92,10 @@ _HINTS = 6
 
 def _heat(judged: Sequence[Metric]) -> float | None:
     """How far the worst lies within (negative) or beyond (positive) its tolerance: 8 and 3 decades are the ends."""
-    sizes = [(abs(m.value) if m.value is not None else math.inf, m.tolerance) for m in judged if m.tolerance]
-    if not sizes:
+    shares = [metric.share for metric in judged if metric.share is not None]
+    if not shares:
         return None
-    worst = max(size / tolerance for size, tolerance in sizes)
+    worst = max(shares)
     if worst > 1:
         return min(1.0, 0.3 + 0.7 * math.log10(worst) / 3)
     return -min(1.0, 0.1 - 0.9 * math.log10(worst) / 8) if worst > 0 else -1.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Iterator
 
@@ -69,7 +68,7 @@ def complaints(run: Run, most: int | None = None) -> list[str]:
     Args:
         most: how many have a sentence; None: all.
     """
-    broken = sorted(run.broken, key=lambda m: math.inf if m.value is None else abs(m.value) / (m.tolerance or 1e-300))
+    broken = sorted(run.broken, key=lambda m: m.share or 0.0)
     sentences = [_complaint(metric) for metric in broken[::-1][:most]]
     rest = len(broken) - len(sentences)
     return [*sentences, f"{rest} more of {len(run.judged)} judged quantities break their tolerance."][: len(broken)]

@@ -19,6 +19,7 @@ from .signatures import Channels, thinned, weights
 
 _SAMPLES = 300  # of the compared motion: enough to tell suspects apart
 _FEWEST = 3
+_ROUNDING = 1e-10  # of the forces of gravity
 _TOLERANCE = 1e-11  # of the suspects' motions
 _REFERENCE_STEPS = 100  # at least, as a measure of what a motion with a fault may cost
 
@@ -81,6 +82,18 @@ class Case:
     def reference(self) -> Trajectory:
         """The reference's trajectory at these times."""
         return self.solution.reading(self.t, self.motion)
+
+    @property
+    def has_impacts(self) -> bool:
+        """Whether the reference's motion has impacts in the compared time."""
+        return any(time <= self.t[-1] for time, _ in self.solution.impacts)
+
+    @property
+    def has_velocity_forces(self) -> bool:
+        """Whether centrifugal forces are more than rounding in it: a single pendulum has none."""
+        equations, q = self.solution.equations, self.motion.q
+        bias = np.abs(equations.bias(q, self.motion.u)).max()
+        return bool(bias > _ROUNDING * np.abs(equations.gravity_forces(q)).max())
 
     @cached_property
     def channels(self) -> Channels:

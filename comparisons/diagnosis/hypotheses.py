@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
 
+from ...models.joints import AnyJoint, FreeJoint
 from ...models.mechanism import Mechanism
 from ...reference.equations import Equations
 from ...reference.perturbed import WithDamping, WithJoint, WithoutCentrifugal, WithTiltedGravity
@@ -114,7 +115,7 @@ def _laws(mechanism: Mechanism) -> Iterator[Hypothesis]:
     viscous = Component("viscous", torque * math.sqrt(length / gravity), "N m s/rad", positive=True)
     spring = Component("stiffness", torque, "N m/rad", positive=True)
     constant = Component("torque at the start", torque, "N m")
-    for joint in mechanism.joints:
+    for joint in _turning(mechanism):
         element = partial(WithJoint, mechanism, joint.name)
         yield law(
             f"friction or damping of the {joint.name}", lambda f, e=element: e(damping=f[0] * viscous.scale), viscous
@@ -125,10 +126,15 @@ def _laws(mechanism: Mechanism) -> Iterator[Hypothesis]:
         yield law(f"spring on the {joint.name}", both, spring, constant)
 
 
+def _turning(mechanism: Mechanism) -> Iterator[AnyJoint]:
+    """Joints in which two bodies turn against each other: a free body turns in none."""
+    return (joint for joint in mechanism.joints if not (joint.holds_angle or isinstance(joint, FreeJoint)))
+
+
 def armatures(mechanism: Mechanism) -> Iterator[Hypothesis]:
     """Rotors' inertias on the joints, which engines have: in a motion they are like inertias of bodies."""
     size = _SMALL * sum(body.mass for body in mechanism.bodies) * mechanism_length(mechanism) ** 2
-    for joint in mechanism.joints:
+    for joint in _turning(mechanism):
         name, element = f"armature of the {joint.name}", partial(WithJoint, mechanism, joint.name)
         inertia = Component("", size, "kg m^2", positive=True)
         yield Hypothesis(name, "law", (inertia,), name, lambda f, e=element: e(armature=f[0] * size))
@@ -142,7 +148,9 @@ def gross_faults(mechanism: Mechanism) -> Iterator[tuple[str, Equations]]:
     """Faults without a size that no small fault leads to."""
     yield "velocity-dependent forces dropped", WithoutCentrifugal(mechanism)
     if mechanism.gravity:
+        down = mechanism.gravity_direction == (0.0, -1.0)
         yield "gravity reversed", WithTiltedGravity(mechanism, math.pi)
-        yield "gravity along +x", WithTiltedGravity(mechanism, math.pi / 2)
-        yield "gravity along -x", WithTiltedGravity(mechanism, -math.pi / 2)
+        for angle, where in ((90, "along +x"), (-90, "along -x")):
+            turned = where if down else f"turned by {angle:+d} deg"
+            yield f"gravity {turned}", WithTiltedGravity(mechanism, math.radians(angle))
         yield "no gravity", Equations(mechanism.model_copy(update={"gravity": 0.0}))

@@ -139,7 +139,8 @@ def _law_causes(case: Case) -> Iterator[Cause]:
     for name in closed:
         if own[name] is not None:
             yield from _scheduled(case, f"{name} never opens", {**right, name: None})
-    yield from _scheduled(case, "velocity-dependent forces dropped", own, "", WithoutCentrifugal(case.mechanism))
+    if case.has_velocity_forces:
+        yield from _scheduled(case, "velocity-dependent forces dropped", own, "", WithoutCentrifugal(case.mechanism))
 
 
 def _earliest(names: Iterable[str], own: Mapping[str, float | None], right: Mapping[str, float | None]) -> str:
@@ -156,8 +157,9 @@ def _release(case: Case, stop: str, amount: str, releases: Mapping[str, float | 
     signature = _schedule(case, releases)
     if signature is None:
         return
-    share = match(case.deviation, signature, fixed=True).explained
-    yield Cause(name=f"release of the {stop}", kind="law", amount=amount, explained=share)
+    if not case.has_impacts:
+        share = match(case.deviation, signature, fixed=True).explained
+        yield Cause(name=f"release of the {stop}", kind="law", amount=amount, explained=share)
     would = float(np.linalg.norm(signature))
     explained = 1.0 - float(np.linalg.norm(case.deviation)) / would if would else 0.0
     yield Cause(name=f"reading of the {stop}'s release", kind="reading", amount=amount, explained=explained)
@@ -170,7 +172,8 @@ def _format_time(t: float | None) -> str:
 def _scheduled(
     case: Case, name: str, releases: Mapping[str, float | None], amount: str = "", equations: Equations | None = None
 ) -> Iterator[Cause]:
-    signature = _schedule(case, releases, equations)
+    """Stops that open by a schedule; it has no impacts, and so is no motion of a mechanism that has some."""
+    signature = None if case.has_impacts else _schedule(case, releases, equations)
     if signature is not None:
         share = match(case.deviation, signature, fixed=True).explained
         yield Cause(name=name, kind="law", amount=amount, explained=share)

@@ -115,7 +115,7 @@ def _signatures(case: Case) -> list[tuple[Hypothesis, FloatArray]]:
 
 def _responses(case: Case, faulty: Sequence[Equations]) -> Iterator[FloatArray]:
     """The signatures of small faults by both readings, each of shape (2, m)."""
-    if any(time <= case.t[-1] for time, _ in case.solution.impacts):
+    if case.has_impacts:
         yield from (_solved_response(case, equations) for equations in faulty)
         return
     n = case.motion.q.shape[1]

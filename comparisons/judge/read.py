@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -16,8 +17,9 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
 from ...models.files import read_bytes
-from ...models.mechanism import Mechanism
+from ...models.mechanism import AnyStop, Mechanism
 from .columns import TIME, Kind, columns_of, known, split_heading
+from .impacts import Impact
 
 _LARGEST = 500_000_000  # [B]
 _SIZE = 1e100  # in SI units: its square is still a number
@@ -31,6 +33,8 @@ class Given:
     """By column, each of shape (n,), `t` among them."""
     releases: Mapping[str, float | None]
     """Of the stops whose release is given [s]; None: it does not open."""
+    impacts: tuple[Impact, ...]
+    """That are told in so many words."""
     sha256: str
     """Of the file."""
 
@@ -49,14 +53,14 @@ def read(path: Path, mechanism: Mechanism) -> Given:
     content = read_bytes(path, _LARGEST)
     reader = _netcdf if path.suffix.lower() in (".nc", ".nc4", ".h5") else _csv
     try:
-        values, releases = reader(content, mechanism)
+        values, releases, impacts = reader(content, mechanism)
         _refuse_halves(values, mechanism)
     except InputError as error:
         raise InputError(f"{path}: {str(error).removesuffix('.')}.") from None
-    return Given(values, releases, hashlib.sha256(content).hexdigest())
+    return Given(values, releases, tuple(impacts), hashlib.sha256(content).hexdigest())
 
 
-_Read = tuple[dict[str, FloatArray], dict[str, float | None]]
+_Read = tuple[dict[str, FloatArray], dict[str, float | None], list[Impact]]
 
 
 def _csv(content: bytes, mechanism: Mechanism) -> _Read:
@@ -65,18 +69,19 @@ def _csv(content: bytes, mechanism: Mechanism) -> _Read:
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         raise InputError(f"line {line} is not UTF-8 text") from None
-    columns, releases = columns_of(mechanism), dict[str, float | None]()
+    columns, releases, impacts = columns_of(mechanism), dict[str, float | None](), list[Impact]()
     body: list[tuple[int, list[str]]] = []
     for number, line in enumerate(lines, 1):
         if line.lstrip().startswith("#"):
             releases |= _at(number, lambda line=line: _release(line, mechanism))
+            impacts += _at(number, lambda line=line: _impact(line, mechanism))
         elif line.strip():
             body.append((number, _at(number, lambda line=line: next(csv.reader([line], strict=True)))))
     if not body:
         raise InputError("it is empty; a line of headings such as 't [s],q theta [rad]' is needed")
     first, heading = body[0]
     found = _at(first, lambda: _headings(heading, columns))
-    return _table(found, body[1:], first), releases
+    return _table(found, body[1:], first), releases, impacts
 
 
 def _at(line: int, make: Any) -> Any:
@@ -93,11 +98,41 @@ def _release(line: str, mechanism: Mechanism) -> dict[str, float | None]:
     if not (equals and text.startswith("release ")):
         return {}
     name, unit = split_heading(text.removeprefix("release "))
-    stops = [stop.name for stop in mechanism.stops]
-    if name not in stops:
-        raise InputError(f"there is no stop {name[:60]!r}; there are: {', '.join(stops) or 'none'}")
-    factor = Kind(f"release {name}", {"s": 1.0, "ms": 1e-3}).factor(unit)
+    _stop(name, mechanism)
+    factor = Kind(f"release {name}", _TIMES).factor(unit)
     return {name: None if value.strip() == "never" else factor * _number(value, f"release {name}")}
+
+
+_TIMES = {"s": 1.0, "ms": 1e-3}
+
+
+def _stop(name: str, mechanism: Mechanism) -> AnyStop:
+    for stop in mechanism.stops:
+        if stop.name == name:
+            return stop
+    stops = ", ".join(stop.name for stop in mechanism.stops) or "none"
+    raise InputError(f"there is no stop {name[:60]!r}; there are: {stops}")
+
+
+def _impact(line: str, mechanism: Mechanism) -> list[Impact]:
+    """From '# impact floor [s] = 0.45', or '# impact floor [s] = 0.45, impulse [N s] = 13.3'."""
+    text, equals, value = line.strip().lstrip("# ").partition("=")
+    if not (equals and text.startswith("impact ")):
+        return []
+    name, unit = split_heading(text.removeprefix("impact "))
+    stop = _stop(name, mechanism)
+    time, _, rest = value.partition(",")
+    at = Kind(f"impact {name}", _TIMES).factor(unit) * _number(time, f"impact {name}")
+    if at < 0:
+        raise InputError(f"impact {name} is {at:.6g} s; a time from 0 on is needed")
+    if not rest.strip():
+        return [Impact(name, at)]
+    told, _, size = rest.partition("=")
+    what, unit = split_heading(told)
+    if what != "impulse":
+        raise InputError(f"{rest.strip()[:40]!r} follows the time of an impact; 'impulse [N s] = 1.0' is understood")
+    units = {"N m s": 1.0} if stop.effort == "torque" else {"N s": 1.0}
+    return [Impact(name, at, Kind("impulse", units).factor(unit) * _number(size, "impulse"))]
 
 
 def _headings(cells: list[str], columns: Mapping[str, Kind]) -> list[tuple[str, float]]:
@@ -200,7 +235,7 @@ def _netcdf(content: bytes, mechanism: Mechanism) -> _Read:
         if series.shape != t.shape or not (np.abs(series) <= _SIZE).all():
             raise InputError(f"variable {name!r}: {column!r} does not have one finite number a time")
         values[column] = series
-    return values, _releases(dataset, mechanism)
+    return values, _releases(dataset, mechanism), _impacts(dataset, mechanism)
 
 
 def _unknown(column: str, columns: Mapping[str, Kind]) -> str:
@@ -241,3 +276,23 @@ def _releases(dataset: Any, mechanism: Mechanism) -> dict[str, float | None]:
     pairs = zip(names, np.asarray(dataset["release_time"].values, dtype=np.float64), strict=True)
     known_stops = {stop.name for stop in mechanism.stops}
     return {name: None if np.isnan(time) else float(time) for name, time in pairs if name in known_stops}
+
+
+def _impacts(dataset: Any, mechanism: Mechanism) -> list[Impact]:
+    """Of a published file in variables, of one that `save` has written in an attribute."""
+    known_stops = {stop.name for stop in mechanism.stops}
+    try:
+        if "impact_time" in dataset and "impact_impulse" in dataset:
+            names = list(map(str, dataset["struck_stop"].values))
+            rows = np.asarray(dataset["impact_impulse"].values, dtype=np.float64)
+            told = [(float(t), dict(zip(names, row, strict=True))) for t, row in
+                    zip(dataset["impact_time"].values, rows, strict=True)]  # fmt: skip
+        else:
+            told = [(float(t), dict(impulses)) for t, impulses in json.loads(dataset.attrs.get("impacts", "[]"))]
+        impacts = [Impact(name, t, float(p)) for t, impulses in told for name, p in impulses.items() if p != 0]
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"its impacts cannot be read: {error}") from None
+    for impact in impacts:
+        if impact.stop not in known_stops or not (0 <= impact.time <= _SIZE and abs(impact.impulse) <= _SIZE):
+            raise InputError(f"its impact of {impact.stop[:60]!r} at {impact.time:.6g} s is of no stop, or no number")
+    return impacts

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -16,16 +17,18 @@ from ...models.trajectory import PointMotion, Provenance, Trajectory
 from ...reference.equations import Equations
 from ..compare.machine import machine_row
 from ..runs.comparison import not_observed
-from ..runs.results import Machine, Metric, Outcome, ResultFile, Run, verdict_on
+from ..runs.results import Machine, Measured, Metric, Outcome, ResultFile, Run, verdict_on
 from ..runs.runner import Runner
 from ..runs.study import REFERENCE, Study
 from ..runs.tolerances import judge
+from .impacts import Impact, jumps, merged
+from .impacts import metrics as impact_metrics
 from .read import Given, read
 
 NOT_GIVEN = "the file does not give it"
 
 
-class Judgement(ResultFile):
+class Judgement(Measured, ResultFile):
     """On one file."""
 
     format: Literal["trebucheck-judgement-1"] = "trebucheck-judgement-1"
@@ -34,22 +37,11 @@ class Judgement(ResultFile):
     machine: Machine
     samples: int
     given: tuple[str, ...] = Field(description="columns of the file, and what follows from them by kinematics")
-    metrics: tuple[Metric, ...]
 
     @property
     def outcome(self) -> Outcome:
         """The verdict on what is given."""
         return verdict_on(self.metrics)
-
-    @property
-    def broken(self) -> tuple[Metric, ...]:
-        """Metrics whose tolerance does not hold."""
-        return tuple(metric for metric in self.metrics if metric.holds is False)
-
-    @property
-    def judged(self) -> tuple[Metric, ...]:
-        """Metrics held against a tolerance."""
-        return tuple(metric for metric in self.metrics if metric.holds is not None)
 
 
 def judge_file(path: Path, study: Study) -> Judgement:
@@ -67,7 +59,8 @@ def judge_file(path: Path, study: Study) -> Judgement:
     runner = Runner(mechanism, None, study.end_of(mechanism), study.law_of(mechanism))
     machine = machine_row(runner, study.needs)
     own = _Motion(given, runner)
-    metrics = tuple(metric if own.tells(metric) else untold(metric) for metric in runner.measured(own.trajectory))
+    measured = [*runner.measured(own.trajectory), *own.beside_impacts()]
+    metrics = tuple(metric if own.tells(metric) else untold(metric) for metric in measured)
     # Of no engine: nobody's claims apply, and an event that is given is taken as located.
     run = Run(model=mechanism.name, engine=REFERENCE, preset="file", outcome=Outcome.NOT_JUDGED, engine_version="",
               metrics=metrics)  # fmt: skip
@@ -96,6 +89,8 @@ class _Motion:
         self.reference = self.runner.reference(self.t)
         self.told: set[str] = {name for name in self.given.values if name != "t"}
         self.told |= {f"release {name}" for name in self.given.releases}
+        self.impacts = self._impacts()
+        self.told |= {f"impact {impact.stop}" for impact in self.impacts}
         self.trajectory = self._trajectory()
 
     def _column(self, name: str) -> FloatArray | None:
@@ -116,13 +111,25 @@ class _Motion:
             kinetic_energy=self._energy("kinetic energy", self._moving, Kinematics(m).kinetic_energy(q, u)),
             potential_energy=self._energy("potential energy", self._placed, Equations(m).potential_energy(q)),
             stop_torques={s.name: v for s in m.stops if (v := self._column(f"stop {s.name}")) is not None},
-            release_times={**r.release_times, **self.given.releases},
+            release_times={**r.release_times, **self.given.releases}, impacts=merged(self.impacts),
             joint_reactions={
                 j.name: self._columns([f"joint {j.name} {axis}" for axis in "xy"], r.t)
                 for j in m.joints if f"joint {j.name} x" in self.told
             },
             provenance=Provenance("file", "", "", {}, m.content_hash, float(self.t[-1]), "", 0, 0.0),
         )  # fmt: skip
+
+    def _impacts(self) -> tuple[Impact, ...]:
+        """As the file names them, or as its speeds show them."""
+        names = self.mechanism.coordinates
+        if self.given.impacts or not self._moving:
+            return self.given.impacts
+        q, u = (self._columns([f"{kind} {name}" for name in names], self.reference.q) for kind in "qu")
+        return tuple(jumps(self.t, q, u, Kinematics(self.mechanism), self.runner.scales.length))
+
+    def beside_impacts(self) -> Iterator[Metric]:
+        """Impulses, and speeds before and after."""
+        return impact_metrics(self.trajectory, self.impacts, self.runner.solution, self.runner.judged_to)
 
     @property
     def _placed(self) -> bool:
@@ -168,6 +175,8 @@ class _Motion:
             "launch_time": [f"{thrown} x", f"{thrown} vx", *closed],
             "launch_speed": [f"{thrown} x", f"{thrown} vx", *closed],
             "release_time": [f"release {subject}"],
+            "impact_time": [f"impact {subject}"],
+            "impact_speed": [f"u {subject}" if subject in self.mechanism.coordinates else f"{subject} vx"],
             "kinetic_energy_max": energies[:1], "potential_energy_max": energies[1:],
             "energy_balance": energies, "energy_drift": energies, "energy_drift_kinetic": energies,
             "horizontal_momentum": state,

@@ -35,12 +35,14 @@ class Quantity:
     event: bool = False
     """It is the time of an event."""
     of: str = ""
-    """What its subjects are: 'marker', 'angle', 'slide', 'stop', 'closed stop' or 'joint'; '' the whole mechanism."""
+    """What its subjects are: 'marker', 'angle', 'slide', 'moving' (coordinates and markers), 'stop', 'closed stop' or
+    'joint'; '' the whole mechanism."""
 
     def subjects(self, mechanism: Mechanism) -> tuple[str, ...]:
         """Names that a tolerance of it can be stated for."""
         of: dict[str, Iterable[str | None]] = {
             "marker": (marker.name for marker in mechanism.markers),
+            "moving": (*mechanism.coordinates, *(marker.name for marker in mechanism.markers)),
             "angle": mechanism.angles,
             "slide": (slide.coordinate for slide in mechanism.slides),
             "stop": (stop.name for stop in mechanism.stops),
@@ -57,8 +59,11 @@ class Quantity:
         if self.scale == "gap":
             assert subject is not None
             return scales.angle if mechanism.stop(subject).gap_unit == "rad" else scales.length
-        if self.scale == "momentum":
-            return scales.mass * scales.speed
+        if self.scale in ("impulse", "momentum"):
+            turns = subject is not None and mechanism.stop(subject).effort == "torque"
+            return scales.mass * scales.speed * (scales.length if turns else 1.0)
+        if self.scale == "impact speed":
+            return scales.angular_speed if subject in mechanism.angles else scales.speed
         if self.scale == "base error":
             return 1.0 / LIMIT
         return float(getattr(scales, self.scale)) if self.scale else _NUMBER
@@ -76,6 +81,8 @@ _ALL = (
     Quantity("launch_speed", "launch-speed", "speed"),
     Quantity("release_time", "release", "time", event=True, of="closed stop"),
     Quantity("impact_time", "impact", "time", event=True, of="stop"),
+    Quantity("impact_impulse", "impulse", "impulse", of="stop"),
+    Quantity("impact_speed", "impact-speed", "impact speed", of="moving"),
     Quantity("stop_torque_max", "stop-torque", "stop", of="stop"),
     Quantity("stop_torque_settled", "stop-torque (away from releases)", "stop", follows="stop_torque_max"),
     Quantity("stop_impulse", "stop-impulse", "", follows="stop_torque_max"),

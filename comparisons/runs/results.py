@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 from enum import StrEnum
 from typing import Annotated, Any, Literal, Self
@@ -64,6 +65,16 @@ class Outcome(StrEnum):
     UNSUPPORTED = "not supported"
 
 
+def share_of(value: float | None, tolerance: float | None) -> float | None:
+    """Of a tolerance, that a value is; infinite of one that is missing, None without a tolerance."""
+    if tolerance is None:
+        return None
+    return math.inf if value is None else abs(value) / (tolerance or _LEAST)
+
+
+_LEAST = 1e-300  # in the place of a tolerance of zero
+
+
 class Metric(Spec):
     """One figure of a run, a distance from the reference unless its name says otherwise.
 
@@ -99,6 +110,11 @@ class Metric(Spec):
         if self.tolerance is None:
             return None
         return self.value is not None and abs(self.value) <= self.tolerance
+
+    @property
+    def share(self) -> float | None:
+        """Of its tolerance, that it is; infinite of a figure that is missing, None without a tolerance."""
+        return share_of(self.value, self.tolerance)
 
     @property
     def unjudged(self) -> bool:
@@ -180,7 +196,28 @@ class Diagnosis(Spec):
         return self.causes[: self.likeliest]
 
 
-class Run(Spec):
+class Measured(Spec):
+    """What has metrics."""
+
+    metrics: tuple[Metric, ...] = ()
+
+    @property
+    def judged(self) -> tuple[Metric, ...]:
+        """Metrics held against a tolerance."""
+        return tuple(m for m in self.metrics if m.holds is not None)
+
+    @property
+    def broken(self) -> tuple[Metric, ...]:
+        """Metrics whose tolerance does not hold."""
+        return tuple(m for m in self.metrics if m.holds is False)
+
+    @property
+    def unjudged(self) -> tuple[Metric, ...]:
+        """Metrics that were compared and could not be judged."""
+        return tuple(m for m in self.metrics if m.unjudged)
+
+
+class Run(Measured):
     """One engine, preset and machine."""
 
     model: str
@@ -201,28 +238,12 @@ class Run(Spec):
     steps: Annotated[int, Field(ge=0)] = 0
     wall_time: Real | None = Field(default=None, description="of the whole simulate, first call warm [s]")
     equality: Equality | None = Field(default=None, description="None where the engine never came to be built")
-    metrics: tuple[Metric, ...] = ()
     diagnosis: Diagnosis | None = Field(default=None, description="of a run that failed its gate or a tolerance")
 
     @property
     def label(self) -> str:
         """Engine and preset in one."""
         return f"{self.engine} {self.preset}"
-
-    @property
-    def judged(self) -> tuple[Metric, ...]:
-        """Metrics held against a tolerance."""
-        return tuple(m for m in self.metrics if m.holds is not None)
-
-    @property
-    def broken(self) -> tuple[Metric, ...]:
-        """Metrics whose tolerance does not hold."""
-        return tuple(m for m in self.metrics if m.holds is False)
-
-    @property
-    def unjudged(self) -> tuple[Metric, ...]:
-        """Metrics that were compared and could not be judged."""
-        return tuple(m for m in self.metrics if m.unjudged)
 
     def metric(self, name: str, subject: str | None = None) -> Metric | None:
         """The metric of that name and subject, if the run has it."""

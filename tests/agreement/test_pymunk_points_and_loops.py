@@ -9,6 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+
+pytest.importorskip("pymunk")
+
 from mechanisms import misplaced, parallel_cranks
 from random_mechanisms import random_mechanism
 from trebucheck.comparisons.equivalence.checks import check_model

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,11 +11,14 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.cli.app import main
+from trebucheck.comparisons.data.files import content
 from trebucheck.comparisons.judge.report import headline
 from trebucheck.comparisons.judge.study import NOT_GIVEN, Judgement, judge_file
-from trebucheck.comparisons.runs.results import Outcome
+from trebucheck.comparisons.runs.results import Metric, Outcome
 from trebucheck.comparisons.runs.study import Study
+from trebucheck.models.machines.registry import library_problem
 from trebucheck.models.trajectory import save
+from trebucheck.reference.solver import solve
 
 MODEL = "catapult"
 STATE = ("q theta", "u theta")
@@ -146,6 +151,94 @@ def test_a_broken_file_gets_one_sentence_with_its_line(
     (tmp_path / "my.csv").write_bytes(text.encode(errors="surrogateescape"))
     sentence = refused("judge", "my.csv", "--model", MODEL)
     assert "my.csv: " in sentence and said in sentence
+
+
+# impacts, on the library's problem "bouncing"
+
+
+def _bounces(path: Path, head: str = "", late: float = 0.0, factor: float = 1.0) -> Path:
+    """Two samples at each impact; all of it late by so many seconds, speeds after impacts by a factor wrong."""
+    problem = library_problem("bouncing")
+    assert problem is not None
+    solution = solve(problem)
+    times = [0.0, *(t for t, _ in solution.impacts), problem.duration]
+    rows: list[list[float]] = []
+    for k, (first, last) in enumerate(itertools.pairwise(times)):
+        t = np.linspace(first, last, 40)
+        segment = next(each for each in solution.segments if each.end >= last - 1e-12)
+        y = np.asarray(segment.interpolant(t)).T
+        y[0, y.shape[1] // 2 :] *= factor if k else 1.0
+        rows += np.column_stack([t + late * (t > 0), y]).tolist()
+    names = problem.mechanism.coordinates
+    angles = problem.mechanism.angles
+    units = ["rad" if name in angles else "m" for name in names]
+    columns = [f"q {n} [{u}]" for n, u in zip(names, units, strict=True)]
+    columns += [f"u {n} [{u}/s]" for n, u in zip(names, units, strict=True)]
+    lines = [",".join(map(repr, row)) for row in rows]
+    path.write_text("\n".join([*filter(None, [head]), ",".join(["t [s]", *columns]), *lines]) + "\n")
+    return path
+
+
+def _of(found: Judgement, name: str) -> list[Metric]:
+    return [metric for metric in found.metrics if metric.name == name]
+
+
+IMPACT = "# impact floor [s] = {}, impulse [N s] = {}"
+
+
+def test_impacts_are_judged_by_what_the_file_shows_or_names(tmp_path: Path) -> None:
+    study = Study([library_problem("bouncing") or ""], [], ())
+    found = judge_file(_bounces(tmp_path / "m.csv"), study)
+    assert [metric.holds for metric in _of(found, "impact_time")] == [True]
+    assert {m.subject for m in _of(found, "impact_speed") if m.holds} >= {"ball"} and found.outcome is Outcome.AGREES
+    assert _of(found, "impact_impulse")[0].note == NOT_GIVEN
+    late = judge_file(_bounces(tmp_path / "m.csv", late=0.01), study)
+    assert "impact_time" in {metric.name for metric in late.broken}
+    assert abs((_of(late, "impact_time")[0].value or 0.0) - 0.01) < 1e-6
+    slow = judge_file(_bounces(tmp_path / "m.csv", factor=0.99), study)
+    assert "impact_speed" in {m.name for m in slow.broken} and "impact_time" not in {m.name for m in slow.broken}
+
+
+@pytest.mark.parametrize(("factor", "holds"), [(1.0, True), (1.01, False)])
+def test_impulses_that_a_file_names_are_judged(factor: float, holds: bool, tmp_path: Path) -> None:
+    problem = library_problem("bouncing")
+    assert problem is not None
+    impacts = solve(problem).impacts
+    head = "\n".join(IMPACT.format(t, factor * p["floor"]) for t, p in impacts)
+    (metric,) = _of(judge_file(_bounces(tmp_path / "m.csv", head), Study([problem], [], ())), "impact_impulse")
+    assert metric.holds is holds and metric.unit == "N s"
+    expected = (factor - 1) * max(p["floor"] for _, p in impacts)
+    assert metric.value == pytest.approx(expected, rel=1e-6, abs=1e-9)
+
+
+def test_a_stored_motion_and_a_published_one_give_their_impacts(tmp_path: Path) -> None:
+    problem = library_problem("bouncing")
+    assert problem is not None
+    save(tb.engine("reference", timestep=5e-3).simulate(problem), tmp_path / "m.nc")
+    (tmp_path / "p.nc").write_bytes(content("bouncing"))
+    for name in ("m.nc", "p.nc"):
+        found = judge_file(tmp_path / name, Study([problem], [], ()))
+        assert [m.holds for kind in ("impact_time", "impact_impulse") for m in _of(found, kind)] == [True, True]
+
+
+@pytest.mark.parametrize(
+    ("head", "said"),
+    [
+        ("# impact wall [s] = 1", "line 1: there is no stop 'wall'; there are: floor"),
+        ("# impact floor [s] = soon", "line 1: impact floor is 'soon', which is no number"),
+        ("# impact floor = 1", "line 1: column 'impact floor' has no unit; there are: [s], [ms]"),
+        ("# impact floor [s] = -1", "line 1: impact floor is -1 s; a time from 0 on is needed"),
+        (
+            "# impact floor [s] = 1, impulse [N m s] = 2",
+            "line 1: column 'impulse' has the unit [N m s]; there are: [N s]",
+        ),
+        ("# impact floor [s] = 1, force [N] = 2", "line 1: 'force [N] = 2' follows the time of an impact"),
+    ],
+)
+def test_a_broken_impact_is_one_sentence_with_its_line(head: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "m.csv").write_text(f"{head}\nt [s],q x [m]\n0,1\n1,1\n")
+    with pytest.raises(tb.InputError, match=re.escape(said)):
+        judge_file(tmp_path / "m.csv", Study([library_problem("bouncing") or ""], [], ()))
 
 
 def test_no_netcdf_is_one_sentence(tmp_path: Path, refused: Callable[..., str]) -> None:
