@@ -53,6 +53,7 @@ def _asked(name: str) -> Callable[..., bool]:
     return lambda *_: bool(_ASKED_FOR.add(name))
 
 
+_NOT_HERE = "engine '%s' is not installed here"
 for absent in ABSENT:
     engine_class(absent).is_installed = _asked(absent)  # type: ignore[method-assign]
 
@@ -62,8 +63,8 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     """A test that needs an engine that is not here is skipped, with that reason, instead of failing."""
     report = yield
     error = call.excinfo.value if call.excinfo else None
-    if isinstance(error, ModuleNotFoundError) and error.name:
-        _ASKED_FOR.update({error.name.partition(".")[0]} & set(ABSENT))
+    lacking = str(getattr(error, "name", "")).partition(".")[0] if isinstance(error, ImportError) else ""
+    _ASKED_FOR.update(name for name in ABSENT if name == lacking or _NOT_HERE % name in str(error))
     if report.failed and _ASKED_FOR:
         report.outcome, reason = "skipped", f"it needs {', '.join(sorted(_ASKED_FOR))}, which is not installed here"
         report.longrepr = str(item.path), (item.location[1] or 0) + 1, f"Skipped: {reason}"
