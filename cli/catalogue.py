@@ -65,14 +65,14 @@ def export_command(
 
     Example: trebucheck models export rolling --set r=7 --out my-rolling
     """
-    from ..comparisons.mjcf.model import motion_of
+    from ..comparisons.mjcf.model import recorded_motion
     from ..models.mjcf.variants import Variant
     from ..models.mjcf.writer import write_model_folder
 
     variant = Variant(sensors=sensors, finite_inertia=finite_inertia)
     for mechanism in options.machines(name, assignments, beam):
         folder = out or Path(mechanism.name)
-        write_model_folder(mechanism, folder, timestep, motion_of(mechanism) if keyframes else None, variant)
+        write_model_folder(mechanism, folder, timestep, recorded_motion(mechanism) if keyframes else None, variant)
         typer.echo(f"Wrote {output.printable(str(folder))}")
 
 

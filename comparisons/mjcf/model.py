@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...models.errors import InputError
+from ...models.errors import InputError, SimulationError
 from ...models.machines.registry import library_problem, model, parameters_type
 from ...models.mechanism import Mechanism
 from ...models.mjcf import writer
@@ -12,9 +12,7 @@ from ...models.mjcf.paths import as_spec as spec_of
 from ...models.mjcf.recorded import RecordedMotion, stored_motion
 from ...models.mjcf.variants import Variant
 from ...models.problem import Problem
-from .events import record_motion
-
-_STEP = 1e-3  # [s]
+from .events import LONGEST_STEP, motion_of, record_motion, recorded, suitable_step
 
 
 def mjcf(
@@ -35,7 +33,9 @@ def mjcf(
 
     Args:
         given: name of a machine or problem, a mechanism, or a problem.
-        timestep: of MuJoCo's integrator [s]; the stiffness of stops and loops is scaled with it. 1 ms if left out.
+        timestep: of MuJoCo's integrator [s]; the stiffness of stops and loops is scaled with it. If left out it is
+            a hundredth of the motion's characteristic time, but 1 ms at most; 1 ms as well where the reference cannot
+            move it.
         keyframes: whether the reference is solved for a keyframe at each release, impact and rest, and at the launch;
             `home`, the start, is always there.
         sensors: whether sensors are written; without them older versions of MuJoCo read it.
@@ -60,12 +60,28 @@ def mjcf(
         raise InputError(f"{', '.join(parameters)}: only what has a name has parameters; this is a mechanism as it is.")
     mechanism = found.mechanism if isinstance(found, Problem) else found
     variant = Variant(sensors=sensors, finite_inertia=finite_inertia, throw=throw)
-    step = timestep if timestep is not None else _STEP
-    text = writer.mjcf(mechanism, step, motion_of(found) if keyframes else None, variant)
+    step, motion = _step_and_motion(found, timestep, keyframes=keyframes)
+    text = writer.mjcf(mechanism, step, motion, variant)
     return spec_of(text) if as_spec else text
 
 
-def motion_of(given: Mechanism | Problem) -> RecordedMotion:
+def _step_and_motion(
+    given: Mechanism | Problem, timestep: float | None, *, keyframes: bool
+) -> tuple[float, RecordedMotion | None]:
+    """The step [s], one that suits the motion if none is given, and the motion if there are to be keyframes."""
+    stored = stored_motion(given) if isinstance(given, Mechanism) else None
+    if stored or (timestep is not None and not keyframes):
+        return LONGEST_STEP if timestep is None else timestep, stored if keyframes else None
+    runner = motion_of(given)
+    if keyframes:
+        return suitable_step(runner) if timestep is None else timestep, recorded(runner)
+    try:
+        return suitable_step(runner), None
+    except (InputError, SimulationError):
+        return LONGEST_STEP, None
+
+
+def recorded_motion(given: Mechanism | Problem) -> RecordedMotion:
     """The stored motion of exactly this mechanism, or else a new one.
 
     Raises:

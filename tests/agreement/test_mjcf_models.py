@@ -208,6 +208,31 @@ def test_the_readme_is_of_this_model(name: str) -> None:
         assert f"| `{parameter}` | {field.default:.6g} |" in text
 
 
+# --- Steps ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_the_step_of_a_fast_problem_is_one_that_it_bears() -> None:
+    """At 1 ms the squeezer, whose characteristic time is 2.3 ms, is unstable at 0.134 s."""
+    model = mujoco.MjModel.from_xml_string(tb.mjcf("squeezer", keyframes=False))
+    data, noise = mujoco.MjData(model), np.random.default_rng(0)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    while data.time < 0.14 and not any(warning.number for warning in data.warning):
+        data.ctrl[:] = noise.normal(size=model.nu)
+        mujoco.mj_step(model, data, 10)
+    assert data.time >= 0.14
+    asked = mujoco.MjModel.from_xml_string(tb.mjcf("squeezer", keyframes=False, timestep=1e-4))
+    assert asked.opt.timestep == 1e-4 and model.opt.timestep == pytest.approx(2.3e-5, rel=1e-6)
+
+
+@pytest.mark.parametrize("keyframes", [True, False])
+def test_a_step_is_a_hundredth_of_the_characteristic_time_and_a_millisecond_at_most(keyframes: bool) -> None:
+    rod = tb.mjcf("falling-rod", keyframes=keyframes)  # its characteristic time is 0.0786 s
+    assert 'timestep="0.00079"' in rod
+    assert 'timestep="0.001"' in tb.mjcf("incline", keyframes=keyframes)  # 0.888 s
+    assert 'timestep="0.001"' in tb.mjcf("rolling", l1=9.5, keyframes=keyframes)
+
+
 # --- Variants -----------------------------------------------------------------------------------------------------
 
 
