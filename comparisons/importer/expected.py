@@ -167,7 +167,7 @@ def _rounding(model: ZooModel, joints: FloatArray) -> FloatArray:
     if not model.mechanism.loop_joints:
         return np.zeros_like(joints)
     equations, weights = Equations(model.mechanism), model.weights
-    q = np.linalg.solve(weights, joints - model.zeros)
+    q = np.asarray(np.linalg.solve(weights, joints - model.zeros), dtype=np.float64)
     jacobian = equations.constraint_jacobian(q, ())
     moved = np.linalg.solve(equations.mass_matrix(q), jacobian.T)
     closing = abs(weights @ moved @ np.linalg.pinv(jacobian @ moved))
