@@ -160,7 +160,7 @@ class Plugin:
 
 def files(folder: Path) -> list[Path]:
     """Those that decide what runs."""
-    return sorted(path for path in folder.rglob("*") if path.suffix in (".py", ".toml", ".txt", ".json"))
+    return sorted(path for path in folder.rglob("*") if path.suffix in (".py", ".cjs", ".toml", ".txt", ".json"))
 
 
 def core_files(source: Path) -> Iterator[Path]:
