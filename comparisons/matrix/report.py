@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import pairwise
 
 from ..compare.sentences import MARKS
 from ..report.document import (
@@ -82,6 +84,7 @@ def _blocks(matrix: Matrix, line: str) -> Iterator[Block]:
 
 
 _Show = Callable[[MatrixRun], Cell]
+_WIDEST = 8  # problems in a table, with which it fits a screen of 1280 pixels
 
 
 def _tables(matrix: Matrix, show: _Show, leading: dict[str, Sequence[object]]) -> Iterator[Table]:
@@ -90,10 +93,18 @@ def _tables(matrix: Matrix, show: _Show, leading: dict[str, Sequence[object]]) -
         runs = [run for problem in matrix.problems if belongs(problem) for run in _on(matrix, problem)]
         shown = {run.problem for run in runs if show(run).text}
         problems = [problem for problem in matrix.problems if problem.name in shown and belongs(problem)]
-        if problems:
-            heads = [words("engine", wrap=False), *([words("order", wrap=False), words("agrees")] if leading else [])]
-            columns = [*heads, *(Column(problem.title, align="left", wrap=False) for problem in problems)]
-            yield table(columns, _rows(matrix, problems, show, leading), title)
+        heads = [words("engine", wrap=False), *([words("order", wrap=False), words("agrees")] if leading else [])]
+        for part in _parts(problems):
+            columns = [*heads, *(Column(problem.title, align="left", wrap=False) for problem in part)]
+            which = title if len(part) == len(problems) else f"{title}: {part[0].title} to {part[-1].title}"
+            yield table(columns, _rows(matrix, part, show, leading), which)
+
+
+def _parts(problems: Sequence[MatrixProblem]) -> Iterator[Sequence[MatrixProblem]]:
+    """As many as a page is wide, about the same number each."""
+    count = math.ceil(len(problems) / _WIDEST)
+    ends = [round(k * len(problems) / count) for k in range(count + 1)] if count else []
+    return (problems[start:end] for start, end in pairwise(ends))
 
 
 def _on(matrix: Matrix, problem: MatrixProblem) -> Iterator[MatrixRun]:
@@ -128,7 +139,7 @@ def _order(matrix: Matrix, label: str) -> str:
     # Where a sweep begins at the floor of rounding it finds no power; another one may.
     measured = [order for order in found if order.exponent is not None] or found
     if measured:
-        return ", ".join(map(str, measured))
+        return str(measured[0])
     declared = next(iter(matrix.of(label))).order
     return "none (declared)" if declared is None else f"{declared:g} (declared)"
 

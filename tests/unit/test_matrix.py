@@ -200,3 +200,12 @@ def test_bad_files_get_one_sentence(
     assert (code, said.count("\n")) == ((0, 0) if sentence is None else (2, 1)) and (sentence or "") in said
     assert main(["matrix", str(good), "--out", str(tmp_path / "m.txt")]) == 2
     assert "must end in .html, .md or .json" in capsys.readouterr().err
+
+
+def test_a_table_is_no_wider_than_a_screen_and_every_problem_is_in_one() -> None:
+    problems = tuple(_problem(f"p{k:02}", number=f"P{k:02}") for k in range(17))
+    text = _text(_matrix(*(_run("a", 1e-9, problem=each.name) for each in problems), problems=problems))
+    heads = [line.split(" | ")[3:] for line in text.splitlines() if line.startswith("| engine | order")]
+    assert [len(each) for each in heads] == [6, 5, 6]
+    assert [name.strip(" |") for each in heads for name in each] == [each.number for each in problems]
+    assert "Without stops and loops: P00 to P05" in text
