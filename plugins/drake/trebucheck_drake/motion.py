@@ -65,6 +65,9 @@ class Held(LeafSystem):
         self.DeclareVectorOutputPort("forces", BasicVector(n), self._forces)
 
     def _forces(self, context: Any, output: Any) -> None:
+        if not self.held and self.motion.plain:  # asked for a dozen times a step
+            output.SetZero()
+            return
         q, u = self.motion.drake.built.coordinates_of(self.get_input_port().Eval(context))
         output.SetFromVector(self.motion.forces(q, u, self.held))
 
@@ -78,6 +81,8 @@ class Motion(ConstrainedDynamics):
         self.drake = Model(built)
         self.reader = Reader(built)
         super().__init__(mechanism, self.drake)
+        self.loops = bool(mechanism.loop_joints)
+        self.plain = not (self.loops or mechanism.force_elements)
         builder, self.system = DiagramBuilder(), Held(self)
         plant = builder.AddSystem(built.plant)
         builder.AddSystem(self.system)
@@ -92,7 +97,7 @@ class Motion(ConstrainedDynamics):
 
     def forces(self, q: FloatArray, u: FloatArray, held: Contacts) -> FloatArray:
         """Drake's joint forces of springs, motors, and of what is held."""
-        if held or self.mechanism.loop_joints:
+        if held or self.loops:
             return self.drake.joint_forces(self.generalized(q, u, self.solve(q, u, held), held))
         return self.drake.joint_forces(self.applied.generalized(q, u))
 
