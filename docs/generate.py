@@ -35,6 +35,7 @@ from trebucheck.comparisons.importer.files import publish as publish_zoo
 from trebucheck.comparisons.importer.report import machine_table, overview, versions_table
 from trebucheck.comparisons.importer.report import page as page_of_importer
 from trebucheck.comparisons.importer.results import ImporterResults
+from trebucheck.comparisons.judge.study import Judgement
 from trebucheck.comparisons.matrix.read import distilled, orders_of
 from trebucheck.comparisons.matrix.read import read as read_matrix
 from trebucheck.comparisons.matrix.report import document as matrix_document
@@ -50,6 +51,7 @@ from trebucheck.comparisons.runs.results import Results
 from trebucheck.comparisons.runs.scales import scales_until
 from trebucheck.comparisons.runs.stretching import stretching_until
 from trebucheck.comparisons.runs.worker import Worker, simulate
+from trebucheck.conformance.verdicts import Conformance
 from trebucheck.models.machines.registry import models
 from trebucheck.models.mechanism import mechanism_schema
 from trebucheck.models.mjcf.recorded import RECORDED_FILE
@@ -96,6 +98,8 @@ def write_schemas() -> None:
     (ROOT / "models" / "schemas" / "mechanism.schema.json").write_text(mechanism_schema())
     (ROOT / "comparisons" / "schemas" / "results.schema.json").write_text(schema_text(Results))
     (ROOT / "comparisons" / "schemas" / "diff.schema.json").write_text(schema_text(DifferenceData))
+    (ROOT / "comparisons" / "schemas" / "judgement.schema.json").write_text(schema_text(Judgement))
+    (ROOT / "comparisons" / "schemas" / "conformance.schema.json").write_text(schema_text(Conformance))
     (ROOT / "comparisons" / "schemas" / "converge.schema.json").write_text(schema_text(Studies))
     (ROOT / "comparisons" / "schemas" / "explain.schema.json").write_text(schema_text(Explanation))
     (ROOT / "paper" / "schemas" / "paper.schema.json").write_text(schema_text(Study))

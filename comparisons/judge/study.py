@@ -37,6 +37,7 @@ class Judgement(Measured, ResultFile):
     machine: Machine
     samples: int
     given: tuple[str, ...] = Field(description="columns of the file, and what follows from them by kinematics")
+    metrics: tuple[Metric, ...]
 
     @property
     def outcome(self) -> Outcome:

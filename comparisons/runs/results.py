@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import platform
 from enum import StrEnum
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field, JsonValue
 
@@ -196,10 +196,11 @@ class Diagnosis(Spec):
         return self.causes[: self.likeliest]
 
 
-class Measured(Spec):
-    """What has metrics."""
+class Measured:
+    """What has metrics, where it has them among its fields."""
 
-    metrics: tuple[Metric, ...] = ()
+    if TYPE_CHECKING:
+        metrics: tuple[Metric, ...]
 
     @property
     def judged(self) -> tuple[Metric, ...]:
@@ -217,7 +218,7 @@ class Measured(Spec):
         return tuple(m for m in self.metrics if m.unjudged)
 
 
-class Run(Measured):
+class Run(Measured, Spec):
     """One engine, preset and machine."""
 
     model: str
@@ -238,6 +239,7 @@ class Run(Measured):
     steps: Annotated[int, Field(ge=0)] = 0
     wall_time: Real | None = Field(default=None, description="of the whole simulate, first call warm [s]")
     equality: Equality | None = Field(default=None, description="None where the engine never came to be built")
+    metrics: tuple[Metric, ...] = ()
     diagnosis: Diagnosis | None = Field(default=None, description="of a run that failed its gate or a tolerance")
 
     @property

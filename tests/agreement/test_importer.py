@@ -15,6 +15,8 @@ from trebucheck.comparisons.importer.study import check_importer
 from trebucheck.comparisons.report import markdown
 from trebucheck.models.errors import InputError, SimulationError
 
+pytest.importorskip("mujoco")
+
 IMPORTERS = Path(__file__).parents[2] / "importers"
 LOADERS = f'''
 import os, sys, time

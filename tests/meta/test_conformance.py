@@ -13,6 +13,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import dummy_engines
+import jsonschema
 import pytest
 import trebucheck as tb
 from trebucheck.cli.app import main
@@ -21,8 +22,9 @@ from trebucheck.conformance.certificate import badge, certificate, headline, nex
 from trebucheck.conformance.deviations import Deviations
 from trebucheck.conformance.session import Session
 from trebucheck.conformance.suite import References, Suite, Target
-from trebucheck.conformance.verdicts import State, Verdict
+from trebucheck.conformance.verdicts import Conformance, State, Verdict
 from trebucheck.engines.registry import ANNOUNCED
+from trebucheck.models.spec import schema_text
 
 TESTS = Path(__file__).parents[1]
 REFERENCES = References()
@@ -253,6 +255,7 @@ def test_pytest_runs_the_suite_from_a_strangers_folder_and_none_of_its_tests(tmp
     written = json.loads((tmp_path / "r.json").read_text())
     assert written["format"] == "trebucheck-conformance-1" and written["engines"] == {"degrees/tuned": "1.0"}
     assert len(written["verdicts"]) == len(cases)
+    jsonschema.validate(written, json.loads(schema_text(Conformance)))
 
 
 @pytest.mark.slow

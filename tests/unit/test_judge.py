@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import itertools
+import json
 import re
 from collections.abc import Callable
+from importlib.resources import files
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 import trebucheck as tb
+from pydantic import BaseModel
 from trebucheck.cli.app import main
 from trebucheck.comparisons.data.files import content
 from trebucheck.comparisons.judge.report import headline
 from trebucheck.comparisons.judge.study import NOT_GIVEN, Judgement, judge_file
 from trebucheck.comparisons.runs.results import Metric, Outcome
 from trebucheck.comparisons.runs.study import Study
+from trebucheck.conformance.verdicts import Conformance
 from trebucheck.models.machines.registry import library_problem
+from trebucheck.models.spec import schema_text
 from trebucheck.models.trajectory import save
 from trebucheck.reference.solver import solve
 
@@ -255,3 +261,14 @@ def test_the_command_says_it_in_its_exit_code(
         assert main(["judge", str(path), "--model", MODEL, "--out", str(tmp_path / "out")]) == code
         assert f"my.csv {verdict} on 'catapult'" in capsys.readouterr().out
     assert Judgement.load(tmp_path / "out" / "judgement.json").broken
+
+
+@pytest.mark.parametrize(("name", "kind"), [("judgement", Judgement), ("conformance", Conformance)])
+def test_published_schemas_are_those_of_the_types(name: str, kind: type[BaseModel]) -> None:
+    published = files("trebucheck.comparisons").joinpath(f"schemas/{name}.schema.json").read_text(encoding="utf-8")
+    assert published == schema_text(kind), "`make generated` writes the schemas anew"
+
+
+def test_a_judgement_is_valid_by_its_schema(motion: tb.Trajectory, tmp_path: Path) -> None:
+    found = _judged(_csv(tmp_path / "q.csv", motion, "q theta"))
+    jsonschema.validate(json.loads(found.to_json()), json.loads(schema_text(Judgement)))
