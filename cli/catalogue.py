@@ -51,7 +51,10 @@ def export_command(
     name: _Name,
     assignments: options.Set = None,
     beam: options.Beam = None,
-    timestep: Annotated[float, typer.Option("--timestep", help="Step written into the MJCF (s).")] = 1e-3,
+    timestep: Annotated[
+        float | None,
+        typer.Option("--timestep", help="Step written into the MJCF (s); 1 ms, or less if the motion is fast."),
+    ] = None,
     keyframes: Annotated[
         bool, typer.Option(help="A keyframe at each release, impact and rest and at the launch, from the reference.")
     ] = True,
@@ -65,14 +68,17 @@ def export_command(
 
     Example: trebucheck models export rolling --set r=7 --out my-rolling
     """
-    from ..comparisons.mjcf.model import recorded_motion
+    from ..comparisons.mjcf.model import step_and_motion
     from ..models.mjcf.variants import Variant
     from ..models.mjcf.writer import write_model_folder
+    from ..models.problem import Problem
 
     variant = Variant(sensors=sensors, finite_inertia=finite_inertia)
-    for mechanism in options.machines(name, assignments, beam):
+    for given in options.given(name, assignments, beam):
+        step, motion = step_and_motion(given, timestep, keyframes=keyframes)
+        mechanism = given.mechanism if isinstance(given, Problem) else given
         folder = out or Path(mechanism.name)
-        write_model_folder(mechanism, folder, timestep, recorded_motion(mechanism) if keyframes else None, variant)
+        write_model_folder(mechanism, folder, step, motion, variant)
         typer.echo(f"Wrote {output.printable(str(folder))}")
 
 

@@ -12,7 +12,7 @@ from ...models.mjcf.paths import as_spec as spec_of
 from ...models.mjcf.recorded import RecordedMotion, stored_motion
 from ...models.mjcf.variants import Variant
 from ...models.problem import Problem
-from .events import LONGEST_STEP, motion_of, record_motion, recorded, suitable_step
+from .events import LONGEST_STEP, motion_of, recorded, suitable_step
 
 
 def mjcf(
@@ -60,15 +60,22 @@ def mjcf(
         raise InputError(f"{', '.join(parameters)}: only what has a name has parameters; this is a mechanism as it is.")
     mechanism = found.mechanism if isinstance(found, Problem) else found
     variant = Variant(sensors=sensors, finite_inertia=finite_inertia, throw=throw)
-    step, motion = _step_and_motion(found, timestep, keyframes=keyframes)
+    step, motion = step_and_motion(found, timestep, keyframes=keyframes)
     text = writer.mjcf(mechanism, step, motion, variant)
     return spec_of(text) if as_spec else text
 
 
-def _step_and_motion(
+def step_and_motion(
     given: Mechanism | Problem, timestep: float | None, *, keyframes: bool
 ) -> tuple[float, RecordedMotion | None]:
-    """The step [s], one that suits the motion if none is given, and the motion if there are to be keyframes."""
+    """The step [s], one that suits the motion if none is given, and the motion if there are to be keyframes.
+
+    The motion is the stored one of exactly this mechanism, or else a new one.
+
+    Raises:
+        InputError: the reference cannot begin, and there are to be keyframes.
+        SimulationError: as well, it cannot move it.
+    """
     stored = stored_motion(given) if isinstance(given, Mechanism) else None
     if stored or (timestep is not None and not keyframes):
         return LONGEST_STEP if timestep is None else timestep, stored if keyframes else None
@@ -79,17 +86,6 @@ def _step_and_motion(
         return suitable_step(runner), None
     except (InputError, SimulationError):
         return LONGEST_STEP, None
-
-
-def recorded_motion(given: Mechanism | Problem) -> RecordedMotion:
-    """The stored motion of exactly this mechanism, or else a new one.
-
-    Raises:
-        InputError: the reference cannot begin.
-        SimulationError: the reference cannot move it.
-    """
-    stored = stored_motion(given) if isinstance(given, Mechanism) else None
-    return stored or record_motion(given)
 
 
 def _named(name: str, parameters: dict[str, float]) -> Mechanism | Problem:
