@@ -84,7 +84,7 @@ def _blocks(matrix: Matrix, line: str) -> Iterator[Block]:
 
 
 _Show = Callable[[MatrixRun], Cell]
-_WIDEST = 8  # problems in a table, with which it fits a screen of 1280 pixels
+_WIDEST = 7  # problems in a table, with which it fits a screen of 1280 pixels
 
 
 def _tables(matrix: Matrix, show: _Show, leading: dict[str, Sequence[object]]) -> Iterator[Table]:
