@@ -143,9 +143,13 @@ class Plugin:
     def matrix(self) -> int:
         """What there is of results, as one file; none if there is nothing."""
         found = [*self.folder.glob("compare/*/results.json"), *self.folder.glob("converge/*/converge.json")]
-        path = HERE / "results" / f"{self.name}.json"
-        path.parent.mkdir(exist_ok=True)
-        return self.call(self.trebucheck("matrix", *map(str, sorted(found)), "--quiet", "--out", str(path)), 600.0)
+        names = [str(path.relative_to(self.folder)) for path in sorted(found)]  # results tell their command
+        written, path = self.folder / "matrix.json", HERE / "results" / f"{self.name}.json"
+        code = self.call(self.trebucheck("matrix", *names, "--quiet", "--out", written.name), 600.0)
+        if not code:
+            path.parent.mkdir(exist_ok=True)
+            shutil.copyfile(written, path)
+        return code
 
     def call(self, command: list[str], seconds: float) -> int:
         """Exit code of a command; 124 if it took longer than that and was ended, as `timeout` has it."""

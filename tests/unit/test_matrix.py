@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from trebucheck.comparisons.runs.results import Outcome, Results
 from trebucheck.engines.study import SCHEME_NAMES
 from trebucheck.models.errors import InputError
 
+ROOT = Path(__file__).parents[2]
 RK4, EULER = "RK4, joint coordinates", "semi-implicit Euler, joint coordinates"
 _REFUSAL = "welder cannot build loops: it has no constraints."
 
@@ -209,3 +211,12 @@ def test_a_table_is_no_wider_than_a_screen_and_every_problem_is_in_one() -> None
     assert [len(each) for each in heads] == [6, 5, 6]
     assert [name.strip(" |") for each in heads for name in each] == [each.number for each in problems]
     assert "Without stops and loops: P00 to P05" in text
+
+
+@pytest.mark.parametrize(
+    "path",
+    [*sorted((ROOT / "plugins" / "results").glob("*.json")), *sorted((ROOT / "docs" / "results").glob("*.json"))],
+    ids=lambda path: f"{path.parent.parent.name}-{path.stem}",
+)
+def test_the_results_of_the_page_name_no_place_on_a_machine(path: Path) -> None:
+    assert not re.search(r"/(?:tmp|home|root|work|Users|var)/", path.read_text())
