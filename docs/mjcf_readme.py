@@ -114,8 +114,8 @@ _REST = """\
   `throw=True`: the
   projectile is a body of its own, tied by the equality `hold_projectile`; `trebucheck.models.mjcf.throw.throw(model,
   data)` steps to the release, lets it go, and steps until it lands. In MuJoCo's tree it stays a child of the sling, so
-  that plain steps move it off its parabola where the machine meets its stops after the release: by up to 7.4e-3 m in 2 s
-  at 1 ms and 1.9e-3 m at 0.25 ms (fixed, rolling); without such impacts by 2e-9 m.
+  that plain steps move it off its parabola where the machine meets its stops after the release: by up to 7.4e-3 m in
+  2 s at 1 ms and 1.9e-3 m at 0.25 ms (fixed, rolling); without such impacts by 2e-9 m.
 - MIT licence, see LICENSE; changes are in CHANGELOG.md."""
 
 
