@@ -51,7 +51,8 @@ class Bench:
     @classmethod
     def of(cls, mechanism: tb.Mechanism, steps: int = 2000) -> Bench:
         solution = solve_to_launch(mechanism)
-        end = solution.launch.time if solution.launch else solution.problem.duration
+        # Trajectories go on a little after the end, as engines' do.
+        end = solution.launch.time if solution.launch else solution.problem.duration / 1.04
         return cls(mechanism, solution, end, np.linspace(0.0, 1.02 * end, steps + 1))
 
     @property

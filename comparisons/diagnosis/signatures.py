@@ -38,6 +38,8 @@ def quantities(trajectory: Trajectory) -> dict[str, Quantity]:
     speed = max((_largest(m.velocity) for _, m in markers), default=0.0) or _largest(trajectory.u) or 1.0
     force = max((_largest(f) for f in trajectory.joint_reactions.values()), default=0.0) or 1.0
     energy = _largest(trajectory.kinetic_energy) or 1.0
+    # Of a slow motion the potential energy is much the larger: in parts of the kinetic one it would outweigh all else.
+    potential = max(energy, _largest(trajectory.potential_energy))
     is_angle = np.arange(trajectory.q.shape[1]) < n_angles
     rate = _largest(trajectory.u[:, :n_angles]) or 1.0
     rows = [
@@ -48,7 +50,7 @@ def quantities(trajectory: Trajectory) -> dict[str, Quantity]:
         *_stops(trajectory),
         *(Quantity("force", name, f, force) for name, f in trajectory.joint_reactions.items()),
         Quantity("kinetic energy", "", trajectory.kinetic_energy[:, None], energy),
-        Quantity("potential energy", "", trajectory.potential_energy[:, None], energy),
+        Quantity("potential energy", "", trajectory.potential_energy[:, None], potential),
     ]
     return {f"{row.kind} of the {row.subject}" if row.subject else row.kind: row for row in rows}
 

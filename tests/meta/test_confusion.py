@@ -7,6 +7,7 @@ from functools import cache
 import pytest
 import trebucheck as tb
 from confusion import Bench, Seed, diagnosed, scaled, seeds
+from trebucheck.models.problems.registry import benchmark
 
 NAMED = (
     "gravity tilted 0.05 deg",
@@ -49,6 +50,14 @@ def test_a_size_in_the_shape_of_the_mechanism_does_not_matter() -> None:
     assert model.diagnosis.causes[0].name == full.diagnosis.causes[0].name
     assert model.diagnosis.causes[0].explained == pytest.approx(full.diagnosis.causes[0].explained, abs=1e-3)
     assert model.verdict == "named"
+
+
+@pytest.mark.parametrize("name", ["mass of the link 3 +0.2 %", "a quarter of gravity"])
+def test_a_potential_energy_that_is_much_the_larger_does_not_hide_the_motion(name: str) -> None:
+    """A chain that hangs nearly at rest: every such fault was called a scale of the potential energy."""
+    bench = Bench.of(benchmark("hanging-chain").problem().mechanism)
+    entry = diagnosed(bench, _seed(bench, name))
+    assert entry.verdict == "named", entry.diagnosis
 
 
 def test_sizes_are_those_that_were_seeded() -> None:
