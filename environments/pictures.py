@@ -18,7 +18,7 @@ from ..models.errors import EngineNotInstalledError, SimulationError
 from ..models.mechanism import Mechanism
 from ..models.mjcf.recorded import RecordedMotion
 from ..models.mjcf.scene import AZIMUTH, ELEVATION, FIELD, corners, line_of_sight, scene, viewpoint
-from ..models.mjcf.throw import HOLD, PROJECTILE
+from ..models.mjcf.throw import HOLD, PROJECTILE, Thrown, released
 from ..models.mjcf.tree import joint_values
 from ..models.mjcf.variants import Variant
 from ..models.mjcf.writer import mjcf, model_file
@@ -98,6 +98,8 @@ class Stage:
         self.data = self._library.MjData(self.model)
         self._corners = corners(mechanism, path)
         self._stepped: int | None = None
+        self._without = self.model
+        """Of the machine that its projectile has left."""
 
     def set(self, instant: Instant) -> None:
         """Place everything as it is at an instant."""
@@ -145,34 +147,36 @@ class Stage:
         """Set the joints; the projectile, if it is a body, to its point."""
         moved = (state.q - np.array(self._mechanism.start)).tolist()
         places, speeds = (joint_values(self._mechanism, values) for values in (moved, state.u.tolist()))
-        self.data.qpos[: len(places)], self.data.qvel[: len(speeds)] = places, speeds
         if self._leaves:
+            thrown = Thrown(self._mechanism, self._timestep)
+            places, speeds = thrown.with_its_own(places), thrown.with_its_own(speeds)
             self.data.eq_active[self.model.equality(HOLD).id] = 1
-            self._library.mj_forward(self.model, self.data)
-            marker = self.data.site(self._held()).xpos
-            self._put(marker[[0, 2]], state.velocity)
-
-    def _held(self) -> int:
-        """The site that the projectile is tied to."""
-        tie = self.model.equality(HOLD)
-        own = self.model.site(PROJECTILE).id
-        return next(int(site) for site in (tie.obj1id[0], tie.obj2id[0]) if site != own)
+        self.data.qpos[:], self.data.qvel[:] = places, speeds
 
     def _put(self, place: FloatArray, velocity: FloatArray) -> None:
-        """Set the projectile to a world place [m] and a velocity [m/s]."""
-        rest = self.model.body(PROJECTILE).pos[[0, 2]]
-        for axis, start, at, speed in zip("xz", rest, place, velocity, strict=True):
-            joint = self.data.joint(f"{PROJECTILE}_{axis}")
-            joint.qpos[0], joint.qvel[0] = at - start, speed
+        """Set the projectile to a world place [m] and a velocity [m/s]; its slides turn with its carrier."""
+        joints = [self.data.joint(f"{PROJECTILE}_{axis}") for axis in "xz"]
+        for joint in joints:
+            joint.qpos[0] = joint.qvel[0] = 0.0
+        self._library.mj_forward(self.model, self.data)
+        ball = self.data.body(PROJECTILE)
+        for joint, way in zip(joints, np.array([joint.xaxis[[0, 2]] for joint in joints]), strict=True):
+            joint.qpos[0] = way @ (place - ball.xpos[[0, 2]])
+        self._library.mj_forward(self.model, self.data)
+        jacobian = np.zeros((3, self.model.nv))
+        self._library.mj_jacBody(self.model, self.data, jacobian, None, ball.id)
+        own = [self.model.joint(joint.id).dofadr[0] for joint in joints]
+        to_come = velocity - (jacobian @ self.data.qvel)[[0, 2]]
+        self.data.qvel[own] = np.linalg.solve(jacobian[np.ix_([0, 2], own)], to_come)
 
     def _move_on(self, flight: Flight, aloft: float) -> None:
         """Step the machine on without its projectile; where MuJoCo diverges, it stands still."""
         steps, done = round(aloft / self._timestep), self._stepped or 0
-        if self._leaves:
-            self.data.eq_active[self.model.equality(HOLD).id] = 0
+        if self._leaves and self._stepped is None:
+            self._without = released(self.model, self.data)
         kept = self.data.qpos.copy(), self.data.qvel.copy()
         if steps > done:
-            self._library.mj_step(self.model, self.data, nstep=steps - done)
+            self._library.mj_step(self._without, self.data, nstep=steps - done)
         if not (np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all()):
             self.data.qpos[:], self.data.qvel[:] = kept
         self._stepped = max(steps, done)

@@ -141,7 +141,9 @@ def test_each_quantity_is_measured_in_its_own_scale() -> None:
         ("position_max", "hook"): 3.0, ("velocity_max", "hook"): 2.0, ("angle_max", "beta"): 1.0,
         ("slide_max", "s"): 3.0, ("angular_speed_max", "beta"): 1.0, ("slide_speed_max", "s"): 2.0,
         ("launch_time", None): time, ("launch_speed", None): 2.0, ("release_time", "rest"): time,
-        ("impact_time", "buffer"): time, ("stop_torque_max", "rest"): 20.0, ("stop_torque_max", "wall"): 0.045,
+        ("impact_time", "buffer"): time, ("impact_impulse", "rest"): 30.0, ("impact_impulse", "wall"): 10.0,
+        ("impact_speed", "beta"): 1.0, ("impact_speed", "hook"): 2.0,
+        ("stop_torque_max", "rest"): 20.0, ("stop_torque_max", "wall"): 0.045,
         ("joint_reaction_max", "slot"): 45.0, ("kinetic_energy_max", None): 150.0,
         ("potential_energy_max", None): 150.0,
         ("energy_balance", None): 150.0, ("horizontal_momentum", None): 10.0, ("stop_gap_held", "rest"): 1.0,
@@ -175,6 +177,7 @@ def test_a_quantity_knows_its_subjects() -> None:
     assert subjects == {
         "position": markers, "speed": markers, "angle": ("tilt", "beta"), "angular-speed": ("tilt", "beta"),
         "slide": ("s",), "slide-speed": ("s",), "release": ("rest",), "stop-gap": ("rest",), "impact": stops,
+        "impulse": stops, "impact-speed": ("tilt", "beta", "s", *markers),
         "stop-torque": stops, "penetration": stops, "reaction": joints, "joint-gap": joints,
         "launch-time": (), "launch-speed": (), "kinetic-energy": (), "potential-energy": (), "energy": (),
         "momentum": (), "duration": (), "base-error": (),
