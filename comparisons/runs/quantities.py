@@ -37,6 +37,8 @@ class Quantity:
     of: str = ""
     """What its subjects are: 'marker', 'angle', 'slide', 'moving' (coordinates and markers), 'stop', 'closed stop' or
     'joint'; '' the whole mechanism."""
+    of_files: bool = False
+    """It is judged of files only: engines are not asked for it."""
 
     def subjects(self, mechanism: Mechanism) -> tuple[str, ...]:
         """Names that a tolerance of it can be stated for."""
@@ -81,8 +83,8 @@ _ALL = (
     Quantity("launch_speed", "launch-speed", "speed"),
     Quantity("release_time", "release", "time", event=True, of="closed stop"),
     Quantity("impact_time", "impact", "time", event=True, of="stop"),
-    Quantity("impact_impulse", "impulse", "impulse", of="stop"),
-    Quantity("impact_speed", "impact-speed", "impact speed", of="moving"),
+    Quantity("impact_impulse", "impulse", "impulse", of="stop", of_files=True),
+    Quantity("impact_speed", "impact-speed", "impact speed", of="moving", of_files=True),
     Quantity("stop_torque_max", "stop-torque", "stop", of="stop"),
     Quantity("stop_torque_settled", "stop-torque (away from releases)", "stop", follows="stop_torque_max"),
     Quantity("stop_impulse", "stop-impulse", "", follows="stop_torque_max"),

@@ -121,6 +121,17 @@ class Needs:
         """That of a metric; None where none was stated."""
         return self.by_quantity.get((metric.name, metric.subject), self.by_quantity.get((metric.name, None)))
 
+    def refuse_what_only_files_tell(self) -> None:
+        """Refuse a tolerance that no run of an engine would be held to.
+
+        Raises:
+            InputError: the sentence names it.
+        """
+        for metric, _ in self.by_quantity:
+            if QUANTITIES[metric].of_files:
+                title = QUANTITIES[metric].title
+                raise InputError(f"tolerance {title!r} is of files only (trebucheck judge): no engine is judged by it.")
+
     def refuse_unknown_subjects(self, mechanisms: tuple[Mechanism, ...]) -> None:
         """Refuse a subject that the quantity has on no mechanism.
 

@@ -471,3 +471,15 @@ def test_a_certificate_goes_before_the_estimate_up_to_the_launch(table_one: Mach
     assert further.uncertainties.source == "estimate"
     own = Runner(tb.fixed(tb.TrebuchetParameters(l1=9.0)))
     assert own.uncertainties.source == "estimate"
+
+
+@pytest.mark.parametrize("name", ["impulse", "impact-speed:hook"])
+def test_what_only_files_tell_is_no_need_of_an_engine(name: str) -> None:
+    """It would be in no row, and so seem kept."""
+    title = name.partition(":")[0]
+    with pytest.raises(tb.InputError, match=rf"tolerance '{title}' is of files only \(trebucheck judge\)"):
+        Needs.of({name: 1.0}).refuse_what_only_files_tell()
+    with pytest.raises(tb.InputError, match="is of files only"):
+        tb.compare(["bouncing"], ["reference"], tolerances={"impulse": 1.0})
+    with pytest.raises(tb.InputError, match="is of files only"):
+        tb.check("reference", "bouncing", impulse=1.0)
