@@ -13,7 +13,6 @@ import trebucheck as tb
 import xarray as xr
 from PIL import Image
 from trebucheck.comparisons.data.files import content
-from trebucheck.engines.mujoco.matrices import mass_matrix
 from trebucheck.models import mjcf as descriptions
 from trebucheck.models.machines.registry import models, parameters_type
 from trebucheck.models.mjcf.recorded import event_names, stored_motion
@@ -24,6 +23,7 @@ from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
 mujoco: Any = pytest.importorskip("mujoco")
+mass_matrix: Any = importlib.import_module("trebucheck.engines.mujoco.matrices").mass_matrix
 
 CERTIFIED = 1e-7
 every_model = pytest.mark.parametrize("name", models())

@@ -110,6 +110,7 @@ def test_wrong_options_get_a_sentence(arguments: list[str], complaint: str, refu
 
 @pytest.mark.parametrize("form", ["mujoco.solref=-40000,-400", "solref=[-40000, -400]"])
 def test_an_option_reaches_the_engine(form: str, tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
     path = tmp_path / "own.nc"
     arguments = ["run", "--engine", "mujoco", "--duration", "0.05", "--option", form, "--out", str(path)]
     assert main(arguments) == 0

@@ -53,6 +53,8 @@ def test_every_command_has_an_example_but_those_without_arguments() -> None:
 @pytest.mark.parametrize("name", [name for name in EXAMPLES if name not in LONG and name not in NEEDS])
 def test_the_first_example_works(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
+    for engine in {"mujoco", "pymunk", "exudyn"}.intersection(EXAMPLES[name]):
+        pytest.importorskip(engine)
     assert main(EXAMPLES[name]) == 0
 
 
