@@ -24,7 +24,7 @@ from .options import ExudynOptions
 from .sensors import SensorKey, Values
 
 _EVERY_STEP = 1e-12  # [s] the default is 0.01 s; this is below any step
-_SAME_TIME = 1e-9  # of the run's last time
+_SAME_TIME = 1e-9  # of the run's last time: Exudyn adds up its steps
 DEPENDENT = 1e-6
 """Of the largest singular value of a constraint Jacobian: constraints more nearly dependent follow from each other."""
 
@@ -196,7 +196,7 @@ class Solver:
         last = float(table[-1, 0])
         if finished and stopped and last > state.t:
             return table, _Outcome.STOPPED
-        return table, _Outcome.ARRIVED if finished and self._is_at(last, end) else _Outcome.FAILED
+        return table, _Outcome.ARRIVED if finished and is_at(last, end) else _Outcome.FAILED
 
     def _past_failure(
         self, table: FloatArray, step: float, end: float, monitor: Monitor | None
@@ -211,7 +211,7 @@ class Solver:
         else:
             self._give_up(table, end)
         table = np.concatenate([table[:-1], leap])
-        if outcome is _Outcome.STOPPED or self._is_at(float(table[-1, 0]), end):
+        if outcome is _Outcome.STOPPED or is_at(float(table[-1, 0]), end):
             return table, outcome
         return self._onwards(table, step, end, monitor)
 
@@ -236,9 +236,6 @@ class Solver:
         """Lengths of steps in place of one that failed, in steps; only loops have singular positions."""
         alone = self.options.adaptive_step or not self.system.mechanism.loop_joints
         return () if alone else _LEAPS
-
-    def _is_at(self, time: float, end: float) -> bool:
-        return abs(time - end) <= _SAME_TIME * max(1.0, end)
 
     def _give_up(self, table: FloatArray, end: float) -> NoReturn:
         hint = "a shorter timestep may help" if len(table) > 1 else "the step is too long, or a position singular"
@@ -313,3 +310,8 @@ def _has_redundant_joints(mechanism: Mechanism) -> bool:
     kinematics, (q, _) = Kinematics(mechanism), initial_state(mechanism)
     rows = kinematics.loop_jacobian(q)
     return len(rows) > 0 and int(np.linalg.matrix_rank(rows, rtol=DEPENDENT)) < len(rows)
+
+
+def is_at(time: float, end: float) -> bool:
+    """Whether a run that is to end at a time has come there, as far as sums of steps can tell."""
+    return abs(time - end) <= _SAME_TIME * max(1.0, end)

@@ -26,7 +26,7 @@ from .matrices import Matrices, matrices, resolve_impact, solve_constrained
 from .options import ExudynOptions
 from .read import Reader, recording
 from .sensors import Values
-from .solver import Balance, Solver, State
+from .solver import Balance, Solver, State, is_at
 
 _WHOLE = 1e-6  # of a step: so near to a whole number of steps, it is one
 _DIGITS = 1e-4  # of the largest torque: the rounding error of a spring's must be smaller
@@ -83,13 +83,15 @@ class _Motion:
         if active and self.options.stop_stiffness is not None:
             self._replace_by_springs(state, active, self.options.stop_stiffness)
         tables: list[FloatArray] = []
-        while not tables or self.duration - state.t > SAME_TIME:
+        while not tables or not is_at(state.t, self.duration):
             segment = self._segment(state, active)
             tables.append(segment.table)
             state, active = segment.state, segment.active
         # At the time of an event the later segment has the forces of what acts from there on.
         table = np.concatenate([*(table[:-1] for table in tables[:-1]), tables[-1]])
-        table[:, 0] = np.minimum(table[:, 0], self.duration)  # Exudyn's sum of steps may end a rounding later
+        # Exudyn's sum of steps may end a rounding later, or earlier.
+        table[:, 0] = np.minimum(table[:, 0], self.duration)
+        table[-1, 0] = self.duration
         reader = Reader(self.system, self.solver.columns, table)
         return recording(reader, self._torques(reader), self.events, self.solver.steps)
 

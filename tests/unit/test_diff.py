@@ -22,6 +22,8 @@ from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.runs.results import Cause, Diagnosis, Metric, Outcome, Results, Run
 from trebucheck.models.spec import schema_text
 
+pytest.importorskip("pymunk")
+
 Change = Callable[[Run], Run]
 _QUESTION = "What moved from one comparison to the other, and what broke?"
 

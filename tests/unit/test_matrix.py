@@ -122,6 +122,7 @@ def results() -> Results:
 
 
 def test_results_of_a_comparison_are_distilled_with_schemes_scales_and_verdicts(results: Results) -> None:
+    pytest.importorskip("pymunk")
     matrix = distilled(results, "2026-01-02")
     assert {run.label: run.scheme for run in matrix.runs} == {
         "pymunk tuned": "leapfrog, impulses", "pymunk stock": "semi-implicit Euler, impulses"

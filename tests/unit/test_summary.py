@@ -10,6 +10,8 @@ from trebucheck.comparisons.compare.summary import summary
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.runs.results import Cause, Diagnosis, Metric, Outcome, Results, Run
 
+pytest.importorskip("pymunk")
+
 
 @pytest.fixture(scope="module")
 def results() -> Results:
