@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import hashlib
 import math
 from typing import Any
@@ -21,18 +22,10 @@ from trebucheck.models.zoo.registry import zoo, zoo_model
 from trebucheck.reference.equations import Equations
 
 mujoco: Any = pytest.importorskip("mujoco")
+mass_matrix: Any = importlib.import_module("trebucheck.engines.mujoco.matrices").mass_matrix
 
 every_model = pytest.mark.parametrize("model", zoo(), ids=lambda model: model.name)
 IDEAL = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-
-
-def _mass_matrix(model: Any, data: Any) -> np.ndarray:
-    full = np.zeros((model.nv, model.nv))
-    try:
-        mujoco.mj_fullM(model, data, full)
-    except TypeError:  # MuJoCo 3
-        mujoco.mj_fullM(model, full, data.qM)
-    return full
 
 
 def _largest_difference(zoo_model: ZooModel, mechanism: Mechanism) -> float:
@@ -52,7 +45,7 @@ def _largest_difference(zoo_model: ZooModel, mechanism: Mechanism) -> float:
         mujoco.mj_forward(model, data)
         free = np.linalg.solve(equations.mass_matrix(q), equations.forces(q, u))
         mass = inverse.T @ equations.mass_matrix(q) @ inverse
-        errors.append(abs(_mass_matrix(model, data) - mass).max() / abs(mass).max())
+        errors.append(abs(mass_matrix(model, data) - mass).max() / abs(mass).max())
         errors.append(abs(data.qacc - weights @ free).max() / max(1.0, abs(weights @ free).max()))
         q, u = q + random.uniform(-0.3, 0.3, len(q)), random.uniform(-2, 2, len(q))
     for joint, ends in zoo_model.limits.items():
