@@ -16,6 +16,7 @@ from ..models.errors import InputError
 from ..models.kinematics import initial_state
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
+from ..models.spec import as_complex
 from .equations import Equations
 from .solution import Segment, Solution
 from .solver import integrate_segment
@@ -72,6 +73,23 @@ class WithJoint(Equations):
         return super().potential_energy(q) + 0.5 * self._stiffness * (q @ self._row - self._relaxed) ** 2
 
 
+class WithRubbing(Equations):
+    """The equations with the same viscous friction against several rates of change, each a row of a matrix on u.
+
+    Args:
+        mechanism: without it.
+        rows: shape (n, n_q).
+        damping: [N m s/rad, or N s/m of a row of slides].
+    """
+
+    def __init__(self, mechanism: Mechanism, rows: FloatArray, damping: float) -> None:
+        super().__init__(mechanism)
+        self._damping = damping * rows.T @ rows
+
+    def _bias(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
+        return super()._bias(q, u, rates, quadratic) + u @ self._damping
+
+
 class WithDamping(Equations):
     """The equations with every body damped at the same rate [1/s]: forces -rate M u."""
 
@@ -85,18 +103,12 @@ class WithDamping(Equations):
 
 
 class WithTiltedGravity(Equations):
-    """The equations with gravity turned anticlockwise by an angle [rad]."""
+    """The equations with gravity turned anticlockwise by an angle [rad], and with it weights, reactions and energy."""
 
     def __init__(self, mechanism: Mechanism, angle: float) -> None:
-        super().__init__(mechanism)
-        self._weights = self._weights * np.exp(1j * angle)
-        self._angle = angle
-
-    def potential_energy(self, q: FloatArray) -> FloatArray:
-        """Along the turned direction [J]."""
-        offsets = np.array([self.kinematics.point(b.name, b.centre).offset for b in self.mechanism.bodies])
-        places = self.kinematics.phasors(q) @ self.kinematics.centres.T + offsets
-        return self.mechanism.gravity * (places * np.exp(-1j * self._angle)).imag @ self.kinematics.masses
+        direction = as_complex(mechanism.gravity_direction) * np.exp(1j * angle)
+        turned = (float(direction.real), float(direction.imag))
+        super().__init__(mechanism.model_copy(update={"gravity_direction": turned}))
 
 
 def solve_scheduled(

@@ -153,13 +153,9 @@ def part(parts: str, index: int, field: str, change: Callable[[Any, Bench], Any]
 
 
 def turned_gravity(b: Bench, angle: float) -> tb.Trajectory:
-    """Forces of gravity that has turned."""
-
-    def sideways(e: Equations, q: Any, u: Any) -> Any:
-        upright = e.kinematics.rates(q).conj() * e._weights
-        return (upright * (np.exp(1j * angle) - 1)).real
-
-    return b.stopped(sideways)
+    """Gravity turned anticlockwise, and with it weights: what joints bear and the potential energy follow it."""
+    direction = complex(*b.mechanism.gravity_direction) * np.exp(1j * angle)
+    return b.moved(b.mechanism.model_copy(update={"gravity_direction": (float(direction.real), float(direction.imag))}))
 
 
 def third_body(b: Bench) -> tb.Trajectory:

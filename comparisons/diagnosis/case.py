@@ -34,6 +34,8 @@ class Case:
     whole: Trajectory
     solution: Solution
     end: float
+    broken: frozenset[str] = frozenset()
+    """Names of the metrics that violate their tolerances."""
 
     @property
     def mechanism(self) -> Mechanism:
@@ -116,6 +118,13 @@ class Case:
         parts = self.channels.parts(self.trajectory, self.reference)
         size = float(np.linalg.norm(self.deviation)) or 1.0
         return {name: float(np.linalg.norm(self.weights * part)) / size for name, part in parts.items()}
+
+    @cached_property
+    def first_errors(self) -> dict[str, float]:
+        """Largest deviation of each quantity at t = 0, in units of its size."""
+        first = thinned(self.whole, np.zeros(1, dtype=int))
+        parts = self.channels.parts(first, self.solution.trajectory(first.t))
+        return {name: float(np.abs(part).max(initial=0.0)) for name, part in parts.items()}
 
     def signature(self, wrong: Trajectory) -> FloatArray:
         """Of a trajectory at the same times, flat."""

@@ -8,10 +8,14 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
 
+import numpy as np
+
+from ...models.arrays import FloatArray
 from ...models.joints import AnyJoint, FreeJoint
+from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...reference.equations import Equations
-from ...reference.perturbed import WithDamping, WithJoint, WithoutCentrifugal, WithTiltedGravity
+from ...reference.perturbed import WithDamping, WithJoint, WithoutCentrifugal, WithRubbing, WithTiltedGravity
 from .consistent import with_closed_loops
 from .suspects import Kind, Suspect, combined, machine_suspects, mechanism_length
 
@@ -112,6 +116,7 @@ def _laws(mechanism: Mechanism) -> Iterator[Hypothesis]:
         yield law("direction of gravity", lambda f: WithTiltedGravity(mechanism, f[0] * _SMALL), tilt)
     rate = Component("rate", _SMALL * math.sqrt(gravity / length), "1/s", positive=True)
     yield law("damping of all bodies", lambda f: WithDamping(mechanism, f[0] * rate.scale), rate)
+    yield from _rubbing(mechanism, torque, math.sqrt(gravity / length), length)
     viscous = Component("viscous", torque * math.sqrt(length / gravity), "N m s/rad", positive=True)
     spring = Component("stiffness", torque, "N m/rad", positive=True)
     constant = Component("torque at the start", torque, "N m")
@@ -124,6 +129,27 @@ def _laws(mechanism: Mechanism) -> Iterator[Hypothesis]:
         yield law(f"spring on the {joint.name}", lambda f, e=element: e(stiffness=f[0] * torque), spring)
         both = partial(_sprung, element, torque)
         yield law(f"spring on the {joint.name}", both, spring, constant)
+
+
+def _rubbing(mechanism: Mechanism, torque: float, rate: float, length: float) -> Iterator[Hypothesis]:
+    """Viscous friction of slides, each alone, and the same in all joints of a kind."""
+    kinematics, n = Kinematics(mechanism), len(mechanism.coordinates)
+    pins = np.array([kinematics.angle(joint.child, joint.parent).coefficients for joint in _turning(mechanism)])
+    slides = np.eye(n)[[i for i, name in enumerate(mechanism.coordinates) if name not in mechanism.angles]]
+    groups = {"all turning joints": (pins, torque / rate, "N m s/rad")} if len(pins) > 1 else {}
+    force = torque / length / (length * rate), "N s/m"
+    for row in slides:
+        groups[f"slide {mechanism.coordinates[int(row.argmax())]}"] = row[None], *force
+    if len(slides) > 1:
+        groups["all slides"] = slides, *force
+    for name, (rows, size, unit) in groups.items():
+        make = partial(_rubbed, mechanism, rows, size)
+        viscous = (Component("viscous", size, unit, positive=True),)
+        yield Hypothesis(f"friction or damping of {name}", "law", viscous, name, make)
+
+
+def _rubbed(mechanism: Mechanism, rows: FloatArray, size: float, factors: Sequence[float]) -> Equations:
+    return WithRubbing(mechanism, rows, factors[0] * size)
 
 
 def _turning(mechanism: Mechanism) -> Iterator[AnyJoint]:

@@ -22,20 +22,27 @@ from ..runs.comparison import against
 from ..runs.results import Cause, Diagnosis, Run
 from .case import Case
 from .consistent import with_closed_loops
+from .energies import energy_readings
 from .hypotheses import gross_faults
+from .late import late_readings, partly_late_readings
+from .mistaken import mistaken_readings
 from .onset import find_onset
-from .ranking import ranked
-from .readings import Reading, readings
-from .search import fitting_faults
+from .ranking import SAME, SUFFICIENT, ranked
+from .readings import NO_MOTION, Reading, plain_readings
+from .search import faults_at_the_same_motion, fitting_faults
 from .signatures import fit, match
 from .suspects import machine_suspects
+from .systematic import systematic_faults
 
 Simulate = Callable[[Engine, Problem], Trajectory]
 
-_CERTAIN = 0.999  # share of a reading's mistake from which on no other cause is looked for
+_CERTAIN = 0.9999  # share of a reading's mistake from which on no other cause is looked for
 _CORRECTIONS = 4  # of a size that has no linear effect
 _MISREAD = 0.01  # of the deviation: what deviates by less is right, where other quantities are wrong
+_RIGHT = 1e-6  # of the sizes of quantities: what deviates by less is right
 _STATE = ("coordinates", "speeds of coordinates")
+_STATE_METRICS = frozenset({"angle_max", "angular_speed_max", "slide_max", "slide_speed_max"})
+_POINT_METRICS = frozenset({"position_max", "velocity_max"})
 _UNTOLD = ("torque", "force")  # what solvers compute by iteration may be noisy on a right motion: no mistake of reading
 
 
@@ -52,7 +59,7 @@ def diagnose_motion(
         engine: with its options; it is run again with other ones where no suspect explains the deviation.
         simulate: how engines are run.
     """
-    case = Case(trajectory, solution, end)
+    case = Case(trajectory, solution, end, frozenset(metric.name for metric in run.broken))
     onset = find_onset(against(trajectory, solution, end), run.broken)
     causes, likeliest = _ranked_causes(case, engine, simulate) if case.can_be_read else ranked(_misshapen(case))
     return Diagnosis(
@@ -70,13 +77,23 @@ def _ranked_causes(case: Case, engine: Engine, simulate: Simulate) -> tuple[tupl
     causes = [*_outright_causes(case), *_reading_causes(case)]
     if max((cause.explained for cause in causes), default=0.0) < _CERTAIN:
         causes += [*fitting_faults(case), *_missing_causes(case), *_law_causes(case)]
-    if not ranked(causes)[1]:
+    elif _motion_agrees(case):
+        causes += faults_at_the_same_motion(case)  # a load that moves nothing is no worse an explanation
+    if NO_MOTION in {cause.name for cause in causes if cause.explained >= SUFFICIENT}:
+        causes += [*_missing_causes(case), *_gross_causes(case)]  # nor is the lack of what moves it
+    elif not _is_settled(causes):
         causes += _gross_causes(case)
     if not ranked(causes)[1]:
         causes += _settings_causes(case, engine, simulate)
     if not ranked(causes)[1]:
         causes += _misread(case)
     return ranked(causes)
+
+
+def _is_settled(causes: Sequence[Cause]) -> bool:
+    """Whether a cause is named that leaves so little that none of another kind is looked for."""
+    listed, named = ranked(causes)
+    return named > 0 and listed[0].explained >= SAME
 
 
 def _misshapen(case: Case) -> Iterator[Cause]:
@@ -94,9 +111,20 @@ def _outright_causes(case: Case) -> Iterator[Cause]:
         missing = 1.0 - last / case.end
         size = float(np.abs(case.channels.stacked(case.trajectory, case.reference)).max())
         yield Cause(name="run ends early", kind="reading", amount=amount, explained=missing / (missing + size))
+    yield from _first_sample(case)
     for name, since in case.channels.unusable.items():
         amount = f"from {since:.6g} s"
         yield Cause(name=f"{name}: not a finite number", kind="reading", amount=amount, explained=1.0)
+
+
+def _first_sample(case: Case) -> Iterator[Cause]:
+    """Quantities that are wrong at t = 0 and nowhere else, as of engines that compute them in a step."""
+    error, later = case.first_errors, float(np.abs(case.channels.stacked(case.trajectory, case.reference)).max())
+    wrong = [name for name, size in error.items() if size > later / _MISREAD]
+    if wrong:
+        what = ", ".join(sorted({name.split(" of the ")[0] for name in wrong}))
+        share = 1.0 - later / max(error[name] for name in wrong)
+        yield Cause(name=f"first sample: {what}", kind="reading", explained=share)
 
 
 def _missing_causes(case: Case) -> Iterator[Cause]:
@@ -111,6 +139,10 @@ def _gross_causes(case: Case) -> Iterator[Cause]:
     """Forces that are quite wrong, and the other law of the stops."""
     for name, equations in gross_faults(case.mechanism):
         yield Cause(name=name, kind="law", explained=_share(case, case.solved(equations)))
+    for fault in systematic_faults(case.mechanism):
+        closed = with_closed_loops(fault.wrong)
+        if closed is not None:
+            yield fault.cause(1.0, _share(case, case.solved(Equations(closed))))
     given = StopLaw(case.solution.problem.stop_law)
     other = next(law for law in StopLaw if law != given)
     yield Cause(name=f"stops by the law {other.value}", kind="law", explained=_share(case, case.under(other)))
@@ -136,11 +168,25 @@ def _law_causes(case: Case) -> Iterator[Cause]:
         yield from _release(case, name, amount, {**right, name: own[name]})
         if len(wrong) > 1 and name == _earliest(wrong, own, right):  # the others open late or early because of it
             yield from _scheduled(case, f"release of the {name}", own, amount)
+    yield from _open_stops(case)
     for name in closed:
         if own[name] is not None:
             yield from _scheduled(case, f"{name} never opens", {**right, name: None})
     if case.has_velocity_forces:
         yield from _scheduled(case, "velocity-dependent forces dropped", own, "", WithoutCentrifugal(case.mechanism))
+
+
+def _open_stops(case: Case) -> Iterator[Cause]:
+    """Releases told of stops that are open at the start, where nothing else is wrong and the law knows none."""
+    wrong = [s.name for s in case.mechanism.stops if not s.closed and case.whole.release_times.get(s.name) is not None]
+    if (
+        wrong
+        and not case.has_impacts
+        and float(np.abs(case.channels.stacked(case.trajectory, case.reference)).max()) < _RIGHT
+    ):
+        for name in wrong:
+            amount = f"{_format_time(case.whole.release_times[name])} of a stop that is open"
+            yield Cause(name=f"reading of the {name}'s release", kind="reading", amount=amount, explained=1.0)
 
 
 def _earliest(names: Iterable[str], own: Mapping[str, float | None], right: Mapping[str, float | None]) -> str:
@@ -189,8 +235,25 @@ def _schedule(
     return case.signature(solution.trajectory(case.t))
 
 
-def _reading_causes(case: Case) -> Iterator[Cause]:
-    for reading in readings(case.solution, case.reference, case.trajectory, case.step):
+def _readings(case: Case) -> Iterator[Reading]:
+    """Readings of the reference that are wrong in one way."""
+    yield from plain_readings(case.solution, case.reference, case.trajectory, case.step)
+    yield from energy_readings(case.reference)
+    yield from late_readings(case.solution, case.reference, case.step)
+    yield from mistaken_readings(case.reference, case.trajectory)
+
+
+def _reading_causes(case: Case) -> list[Cause]:
+    """Where no single kind of quantity is read late, all that deviate may be."""
+    found = list(_fitted(case, _readings(case)))
+    if max((cause.explained for cause in found), default=0.0) < SAME:
+        wrong = _wrong_quantities(case)
+        found += _fitted(case, partly_late_readings(case.solution, case.reference, case.step, wrong))
+    return found
+
+
+def _fitted(case: Case, readings: Iterable[Reading]) -> Iterator[Cause]:
+    for reading in readings:
         signatures = np.array([case.signature(wrong) for wrong in reading.wrong])
         if reading.text is None:
             share = match(case.deviation, signatures[0], fixed=True).explained
@@ -199,7 +262,7 @@ def _reading_causes(case: Case) -> Iterator[Cause]:
         factors, explained = fit(case.deviation, signatures)
         if reading.at is not None:
             factors, explained = _corrected(case, reading, factors)
-        if explained > 0:
+        if explained > 0 and factors[0] >= reading.least:
             amount = reading.text(factors.tolist())
             yield Cause(name=reading.name, kind="reading", amount=amount, explained=explained)
 
@@ -225,10 +288,18 @@ def _wrong_quantities(case: Case) -> list[str]:
 
 
 def _motion_agrees(case: Case) -> bool:
-    """Whether coordinates and speeds are right, or all positions and velocities are, while others deviate."""
+    """Whether coordinates and speeds are right, or all positions and velocities are, while others deviate.
+
+    Right is what deviates by a small part of the whole deviation, and keeps its tolerance: an energy that depends on
+    the square of a speed outweighs what goes with it.
+    """
     wrong = _wrong_quantities(case)
     points = [name for name in case.shares if name.startswith(("position", "velocity"))]
-    right = [all(name in case.shares and name not in wrong for name in names) for names in (_STATE, points) if names]
+    right = [
+        all(name in case.shares and name not in wrong for name in names) and not case.broken & metrics
+        for names, metrics in ((_STATE, _STATE_METRICS), (points, _POINT_METRICS))
+        if names
+    ]
     return bool(wrong) and any(right)
 
 

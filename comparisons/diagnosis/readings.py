@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 
@@ -17,12 +16,10 @@ from ...models.trajectory import PointMotion, Trajectory
 from ...reference.solution import Solution
 from .suspects import mechanism_length
 
-_INSTANT = 1e-6  # of the compared time
-_LATEST = 0.2  # of the compared time: what is later by more is not the same motion at another time
+NO_MOTION = "no motion: everything as at the start"
 _DEGREES = 180 / math.pi
 _ALIKE = 1e-3  # of a factor that is taken for a sign or a unit
-
-Points = dict[str, PointMotion]
+_NOTHING = 1e-6  # a factor that is taken for zero
 
 
 @dataclass(frozen=True)
@@ -36,9 +33,11 @@ class Reading:
     """The size, from the fitted factors; None: it has none."""
     at: Callable[[float], Trajectory | None] | None = None
     """With a mistake of another size, where that is not linear; None where that makes no sense."""
+    least: float = -math.inf
+    """The smallest factor that makes sense."""
 
 
-def readings(solution: Solution, reference: Trajectory, given: Trajectory, step: float) -> Iterator[Reading]:
+def plain_readings(solution: Solution, reference: Trajectory, given: Trajectory, step: float) -> Iterator[Reading]:
     """Readings of the reference that are wrong in one way.
 
     Args:
@@ -46,22 +45,21 @@ def readings(solution: Solution, reference: Trajectory, given: Trajectory, step:
         given: the engine's.
         step: the engine's [s].
     """
-    yield from _scales(reference)
+    yield from _scales(reference, step)
     yield from _axes(reference)
     yield from _points(solution, reference)
     yield from _of_coordinates(reference)
-    yield from _energies(reference)
-    yield from _late(solution, reference, step)
     for kind, cut in (("single precision", _single), ("six digits", _six_digits)):
         yield Reading(f"values in {kind}", (_rounded(reference, given, cut),))
-    yield Reading("no motion: everything as at the start", (_frozen(solution, reference),))
+    yield Reading(NO_MOTION, (_frozen(solution, reference),))
 
 
-def _scales(r: Trajectory) -> Iterator[Reading]:
+def _scales(r: Trajectory, step: float) -> Iterator[Reading]:
     """One kind of quantity, or that of one stop, joint or marker, times a number."""
 
     def scaled(what: str, **doubled: object) -> Reading:
-        return Reading(f"scale of {what}", (replace(r, **doubled),), lambda f: _scale(f[0]))  # type: ignore[arg-type]
+        wrong = replace(r, **doubled)  # type: ignore[arg-type]
+        return Reading(f"scale of {what}", (wrong,), lambda f: scale_text(f[0], step))
 
     for name, torque in r.stop_torques.items():
         if torque.any():
@@ -99,11 +97,13 @@ def _unit_of_mass(r: Trajectory) -> Reading:
         kinetic_energy=2 * r.kinetic_energy,
         potential_energy=2 * r.potential_energy,
     )
-    return Reading("scale of all masses, forces and energies", (wrong,), lambda f: _scale(f[0]))
+    return Reading(
+        "scale of all masses, forces and energies", (wrong,), lambda f: scale_text(f[0]), least=_NOTHING - 1.0
+    )
 
 
 def _axes(r: Trajectory) -> Iterator[Reading]:
-    """Components of vectors with the wrong sign, exchanged, or in the frame of a body."""
+    """Components of the markers' motion with the wrong sign, or exchanged."""
     changes: tuple[tuple[str, Callable[[FloatArray], FloatArray]], ...] = (
         ("mirrored, x", lambda v: v * [-1, 1]),
         ("mirrored, y", lambda v: v * [1, -1]),
@@ -114,25 +114,10 @@ def _axes(r: Trajectory) -> Iterator[Reading]:
         yield Reading(f"markers {how}", (replace(r, markers=mirrored),))
         slow = {n: PointMotion(m.position, mirrored[n].velocity) for n, m in r.markers.items()}
         yield Reading(f"velocities of the markers {how}", (replace(r, markers=slow),))
-        forces = {n: change(v) for n, v in r.joint_reactions.items()}
-        yield Reading(f"joint forces {how}", (replace(r, joint_reactions=forces),))
-    children = {joint.name: joint.child for joint in r.mechanism.joints}
-    turned = {name: _in_frame(r, children[name], force) for name, force in r.joint_reactions.items()}
-    yield Reading("joint forces in the frame of the body", (replace(r, joint_reactions=turned),))
-
-
-def _in_frame(r: Trajectory, body: str, vectors: FloatArray) -> FloatArray:
-    """Vectors of the world by their components in a body's frame."""
-    angle = r.kinematics.angle(body).value(r.q)
-    z = (vectors[:, 0] + 1j * vectors[:, 1]) * np.exp(1j * angle)
-    return np.stack([z.real, z.imag], axis=1)
 
 
 def _points(solution: Solution, r: Trajectory) -> Iterator[Reading]:
-    """Markers at the wrong point: another marker's, another known point, or a little off on the body."""
-    for one, other in combinations(r.markers, 2):
-        swapped = {**r.markers, one: r.markers[other], other: r.markers[one]}
-        yield Reading(f"{one} and {other} exchanged", (replace(r, markers=swapped),))
+    """Positions from another origin, and markers at a point that is a little off on the body."""
     kinematics, length = solution.equations.kinematics, mechanism_length(r.mechanism)
     yield _origin("the positions", r, list(r.markers), length)
     if len(r.markers) > 1:
@@ -140,10 +125,6 @@ def _points(solution: Solution, r: Trajectory) -> Iterator[Reading]:
     for marker in r.mechanism.markers:
         if marker.name not in r.markers:
             continue
-        for (body, point), what in _known_points(r).items():
-            if (body, point) != (marker.body, marker.point):
-                taken = {**r.markers, marker.name: _at(kinematics, r, body, point)}
-                yield Reading(f"{marker.name} taken for {what}", (replace(r, markers=taken),))
         if marker.body != GROUND:
             shifts = [(marker.point[0] + length, marker.point[1]), (marker.point[0], marker.point[1] + length)]
             moved = [_at(kinematics, r, marker.body, point) for point in shifts]
@@ -163,18 +144,6 @@ def _origin(what: str, r: Trajectory, names: Sequence[str], length: float) -> Re
     return Reading(f"origin of {what}", (moved((1, 0)), moved((0, 1))), _shift_text(length))
 
 
-def _known_points(r: Trajectory) -> dict[tuple[str, Vector], str]:
-    """Points of the bodies that something is at."""
-    points: dict[tuple[str, Vector], str] = {}
-    for joint in r.mechanism.joints:
-        if joint.parent != GROUND:
-            points[joint.parent, joint.parent_point] = f"the {joint.name}"
-        points[joint.child, joint.child_point] = f"the {joint.name}"
-    for body in r.mechanism.bodies:
-        points[body.name, body.centre] = f"the {body.name}'s centre of mass"
-    return points
-
-
 def _at(kinematics: Kinematics, r: Trajectory, body: str, point: Vector) -> PointMotion:
     row = kinematics.point(body, point)
     return PointMotion(kinematics.position(row, r.q), kinematics.velocity(row, r.q, r.u))
@@ -185,7 +154,7 @@ def _shift_text(length: float) -> Callable[[Sequence[float]], str]:
 
 
 def _of_coordinates(r: Trajectory) -> Iterator[Reading]:
-    """Angles and their speeds: single signs, wrapped, relative to the start or to the parent."""
+    """Angles and their speeds: single signs, wrapped."""
     for i, name in enumerate(r.mechanism.coordinates):
         sign = np.ones(r.q.shape[1])
         sign[i] = -1.0
@@ -196,85 +165,27 @@ def _of_coordinates(r: Trajectory) -> Iterator[Reading]:
     wrapped = np.angle(np.exp(1j * r.q))
     yield Reading("angles wrapped to half a turn", (replace(r, q=np.where(is_angle, wrapped, r.q)),))
     yield Reading("angles wrapped to a turn", (replace(r, q=np.where(is_angle, r.q % (2 * math.pi), r.q)),))
-    yield Reading("coordinates relative to the start", (replace(r, q=r.q - np.array(r.mechanism.start)),))
-    attitudes, joints = r.mechanism.attitudes, r.mechanism.tree_joints
-    columns = [attitudes[joint.parent][0] for joint in joints if not joint.holds_angle]  # one for each angle
-    if any(column is not None for column in columns):
-        q, u = r.q.copy(), r.u.copy()
-        for i, column in enumerate(columns):
-            if column is not None:
-                q[:, i], u[:, i] = r.q[:, i] - r.q[:, column], r.u[:, i] - r.u[:, column]
-        yield Reading("angles relative to the parent", (replace(r, q=q, u=u),))
 
 
-def _energies(r: Trajectory) -> Iterator[Reading]:
-    """A potential energy that is zero elsewhere, or a part of the energy counted as the other kind."""
-    unit = float(np.abs(r.kinetic_energy).max()) or 1.0
-    raised = replace(r, potential_energy=r.potential_energy + unit)
-    yield Reading("zero of the potential energy", (raised,), lambda f: f"{f[0] * unit:+.4g} J")
-    moved = replace(r, kinetic_energy=2 * r.kinetic_energy, potential_energy=r.potential_energy - r.kinetic_energy)
-    yield Reading("kinetic energy counted as potential", (moved,), lambda f: f"{-100 * f[0]:+.3g} %")
+def scale_text(factor: float, step: float = math.nan) -> str:
+    """Of a mistake that adds so many times the right value; a sign or a unit where it is one.
 
-
-def _late(solution: Solution, r: Trajectory, step: float) -> Iterator[Reading]:
-    """Everything, or one kind of quantity, read at another time; or times that run at another rate."""
-    end, instant = solution.segments[-1].end, _INSTANT * float(r.t[-1])
-
-    def read(times: FloatArray) -> Trajectory:
-        return replace(solution.trajectory(np.clip(times, 0.0, end)), t=r.t)
-
-    def shift_text(f: Sequence[float]) -> str:
-        return f"{f[0] * instant:+.3g} s, {f[0] * instant / step:+.3g} steps"
-
-    def shifted(name: str, taken: Callable[[Trajectory], Trajectory]) -> Reading:
-        def at(factor: float) -> Trajectory | None:
-            return taken(read(r.t + factor * instant)) if abs(factor) * _INSTANT < _LATEST else None
-
-        return Reading(name, (taken(later),), shift_text, at)
-
-    def rated(factor: float) -> Trajectory | None:
-        return read(r.t * (1 + factor * _INSTANT)) if abs(factor) * _INSTANT < _LATEST else None
-
-    later = read(r.t + instant)
-    yield Reading(
-        "rate of time", (read(r.t * (1 + _INSTANT)),), lambda f: f"times {1 / (1 + f[0] * _INSTANT):.6g}", rated
-    )
-    yield shifted("time shifted", lambda x: x)
-    forces = {"stop_torques": r.stop_torques, "joint_reactions": r.joint_reactions}
-    yield shifted("motion shifted in time, and no force", lambda x: replace(x, **forces))
-
-    def speeds(x: Trajectory) -> Points:
-        return {n: PointMotion(m.position, x.markers[n].velocity) for n, m in r.markers.items()}
-
-    def places(x: Trajectory) -> Points:
-        return {n: PointMotion(x.markers[n].position, m.velocity) for n, m in r.markers.items()}
-
-    yield shifted("velocities shifted in time", lambda x: replace(r, u=x.u, markers=speeds(x)))
-    yield shifted("velocities of the markers shifted in time", lambda x: replace(r, markers=speeds(x)))
-    yield shifted("speeds of the coordinates shifted in time", lambda x: replace(r, u=x.u))
-    yield shifted("positions shifted in time", lambda x: replace(r, q=x.q, markers=places(x)))
-    yield shifted("positions of the markers shifted in time", lambda x: replace(r, markers=places(x)))
-    yield shifted("markers shifted in time", lambda x: replace(r, markers=x.markers))
-    yield shifted("coordinates shifted in time", lambda x: replace(r, q=x.q))
-    yield shifted("torques shifted in time", lambda x: replace(r, stop_torques=x.stop_torques))
-    yield shifted("forces shifted in time", lambda x: replace(r, joint_reactions=x.joint_reactions))
-    yield shifted("kinetic energy shifted in time", lambda x: replace(r, kinetic_energy=x.kinetic_energy))
-    yield shifted("potential energy shifted in time", lambda x: replace(r, potential_energy=x.potential_energy))
-
-
-def _scale(factor: float) -> str:
-    """As text; a sign or a unit where it is one."""
+    Args:
+        factor: of the right value, added to it.
+        step: the engine's [s]: a force times it is an impulse.
+    """
     value = 1.0 + factor
     known = {
         -1.0: "wrong sign",
         _DEGREES: "degrees for radians",
         1 / _DEGREES: "radians for degrees",
-        0.0: "always zero",
+        step: f"times {value:.6g}, the step",
+        1 / step: f"times {value:.6g}, one over the step",
     }
     for number, text in known.items():
-        if abs(value - number) < _ALIKE * (abs(number) or 1.0):
+        if abs(value - number) < _ALIKE * abs(number):
             return text
-    return f"times {value:.6g}"
+    return "always zero" if abs(value) < _NOTHING else f"times {value:.6g}"
 
 
 def _rounded(r: Trajectory, given: Trajectory, cut: Callable[[FloatArray], FloatArray]) -> Trajectory:

@@ -13,23 +13,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...models.arrays import FloatArray
+from ...models.errors import TrebucheckError
 from ...models.problem import Problem
 from ...reference.equations import Equations
 from ...reference.solution import Motion
 from ..runs.results import Cause
 from .case import PATIENCE, Case
-from .hypotheses import Hypothesis, hypotheses
+from .hypotheses import Hypothesis, gross_faults, hypotheses
 from .ranking import EXACT
 from .response import first_order
-from .signatures import fit
+from .signatures import fit, match
 
 _WINDOWS = (0.08, 0.3, 1.0)  # parts of the motion to which suspects are fitted to first order
 _SOLVED = 3  # suspects of each window that are then solved
-_CORRECTIONS = 4
+_CORRECTIONS = 6
 _WORTH_SOLVING = 0.98  # of the best share in its group: of a member of it
 _HOPELESS = 0.5  # share to first order, below which a size is not corrected
 _IMPATIENCE = 3  # times the reference's steps: what fits so badly to first order is not solved where it is stiff
 _GAIN = 0.003  # in share: corrections that gain less are at an end
+_STILL = 1e-10  # of the accelerations: rounding
 _PARSIMONY = 0.5  # a fault of two numbers must leave less than this part of what one of them alone leaves
 
 
@@ -67,13 +69,47 @@ def fitting_faults(case: Case) -> list[Cause]:
     found: dict[str, Found] = {}
     for part in _WINDOWS:
         for lead in _leads(case, every, part):
-            result, group = _solved(case, lead), lead.hypothesis.group
+            result, group = _solved(case, lead, part), lead.hypothesis.group
             if result is not None:
                 found[group] = better(found[group], result) if group in found else result
         if any(each.explained > EXACT for each in found.values()):
             break
     order = list(dict.fromkeys(hypothesis.group for hypothesis, _ in every))
     return [found[group].cause for group in order if group in found]
+
+
+def faults_at_the_same_motion(case: Case) -> Iterator[Cause]:
+    """Faults that change forces or energies and no acceleration: no motion tells them from a mistake of reading."""
+    for hypothesis in hypotheses(case.mechanism):
+        units = np.eye(len(hypothesis.components)).tolist()
+        found = [_unmoved(case, hypothesis.make(unit)) for unit in units]
+        signatures = [signature for signature in found if signature is not None]
+        if len(signatures) < len(found):
+            continue
+        for reading in range(2):
+            factors, _ = fit(case.deviation, np.array([each[reading] for each in signatures]))
+            sized = _unmoved(case, hypothesis.equations(factors.tolist())) if factors.any() else None
+            if sized is not None:
+                share = match(case.deviation, sized[reading], fixed=True).explained
+                yield Found(hypothesis, factors, share).cause
+    for name, equations in gross_faults(case.mechanism):
+        found = _unmoved(case, equations)
+        if found is not None:
+            shares = [match(case.deviation, signature, fixed=True).explained for signature in found]
+            yield Cause(name=name, kind="law", explained=max(shares))
+
+
+def _unmoved(case: Case, equations: Equations | None) -> FloatArray | None:
+    """Both readings of the reference's own motion by other equations; None if those would not move it so."""
+    if equations is None or equations.mechanism.start != case.mechanism.start:
+        return None
+    wrong = replace(case.solution, problem=_problem(case, equations), equations=equations)
+    try:
+        motion = wrong.motion_of(case.t, case.motion.q, case.motion.u)
+    except (TrebucheckError, np.linalg.LinAlgError, ValueError):
+        return None
+    moved = np.abs(motion.a - case.motion.a).max() > _STILL * np.abs(case.motion.a).max(initial=0.0)
+    return None if moved else np.array(case.seen(wrong, motion))
 
 
 def better(one: Found, other: Found) -> Found:
@@ -95,7 +131,7 @@ def _leads(case: Case, every: Sequence[tuple[Hypothesis, FloatArray]], part: flo
 
 def _fitted(case: Case, hypothesis: Hypothesis, readings: FloatArray, part: float) -> _Lead:
     """To the first part of the motion, by whichever reading fits better."""
-    n = max(1, round(part * len(case.t))) * (len(case.deviation) // len(case.t))
+    n = _first(case, part)
     fits = [fit(case.deviation[:n], signatures[:, :n]) for signatures in readings]
     best = max(range(len(fits)), key=lambda k: fits[k][1])
     return _Lead(hypothesis, readings[best], best, *fits[best])
@@ -137,11 +173,16 @@ def _solved_response(case: Case, equations: Equations) -> FloatArray:
     return np.array(case.seen(solution, solution.motion(case.t)))
 
 
-def _solved(case: Case, lead: _Lead) -> Found | None:
-    """The hypothesis as large as it fits best, by solving and correcting; None where no size can be solved."""
+def _solved(case: Case, lead: _Lead, part: float) -> Found | None:
+    """The hypothesis as large as it fits best, by solving and correcting; None where no size can be solved.
+
+    It is corrected by that part of the motion to which it was fitted, then by more of it: what is wrong by much may
+    be of no use as a measure of a size at the end.
+    """
     best: Found | None = None
-    factors, size = lead.factors, float(np.linalg.norm(case.deviation))
+    factors, windows = lead.factors, [other for other in _WINDOWS if other >= part]
     corrections, patience = (_CORRECTIONS, PATIENCE) if lead.explained > _HOPELESS else (1, _IMPATIENCE)
+    before = 0.0
     for _ in range(corrections):
         signature = _measured(case, lead, factors, patience)
         if signature is None:
@@ -149,13 +190,28 @@ def _solved(case: Case, lead: _Lead) -> Found | None:
                 break
             factors = 0.5 * factors  # the size makes no sense: perhaps half of it does
             continue
-        share, before = 1 - float(np.linalg.norm(case.deviation - signature)) / size, best.explained if best else 0.0
-        if best is None or share > before:
+        share = _share(case, signature, 1.0)
+        if best is None or share > best.explained:
             best = Found(lead.hypothesis, factors, share)
-        if share > EXACT or (before and share < before + _GAIN):
+        while len(windows) > 1 and _share(case, signature, windows[0]) > EXACT:
+            windows, before = windows[1:], 0.0
+        here = _share(case, signature, windows[0])
+        if share > EXACT or (before and here < before + _GAIN):
             break
-        factors = _corrected(case, lead, factors, signature)
+        before = max(before, here)
+        factors = _corrected(case, lead, factors, signature, windows[0])
     return best
+
+
+def _share(case: Case, signature: FloatArray, part: float) -> float:
+    """Of the deviation in the first part of the motion, that a signature accounts for."""
+    n = _first(case, part)
+    return match(case.deviation[:n], signature[:n], fixed=True).explained
+
+
+def _first(case: Case, part: float) -> int:
+    """How many values of a signature belong to the first part of the motion."""
+    return max(1, round(part * len(case.t))) * (len(case.deviation) // len(case.t))
 
 
 def _measured(case: Case, lead: _Lead, factors: FloatArray, patience: int) -> FloatArray | None:
@@ -169,8 +225,9 @@ def _measured(case: Case, lead: _Lead, factors: FloatArray, patience: int) -> Fl
     return signature if np.isfinite(signature).all() else None
 
 
-def _corrected(case: Case, lead: _Lead, factors: FloatArray, signature: FloatArray) -> FloatArray:
+def _corrected(case: Case, lead: _Lead, factors: FloatArray, signature: FloatArray, part: float) -> FloatArray:
     """The size corrected: of one number by the secant through zero, of several by the first-order signatures."""
+    n = _first(case, part)
     if len(factors) == 1:
-        return factors * fit(case.deviation, signature[None])[0]
-    return factors + fit(case.deviation - signature, lead.signatures)[0]
+        return factors * fit(case.deviation[:n], signature[None, :n])[0]
+    return factors + fit(case.deviation[:n] - signature[:n], lead.signatures[:, :n])[0]

@@ -7,6 +7,7 @@ reference, is an array of the same kind, fitted to the deviation by least square
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -15,6 +16,7 @@ import numpy as np
 from ...models.arrays import FloatArray, IndexArray
 from ...models.trajectory import PointMotion, Trajectory
 
+ENERGIES = ("kinetic energy", "potential energy")
 _FAINT = 1e-4  # of the largest: earlier than this, rounding and steps are most of a deviation
 
 
@@ -74,7 +76,7 @@ class Channels:
     """The quantities of a deviation and their sizes; the same for all trajectories that are compared."""
 
     sizes: Mapping[str, float | FloatArray]
-    """By quantity, of the reference."""
+    """By quantity, of the reference; of energies that of the larger of the two motions."""
     unusable: Mapping[str, float]
     """Quantities that are not finite, and from which time on [s]."""
 
@@ -85,7 +87,11 @@ class Channels:
         common = [name for name in right if name in given and given[name].values.shape == right[name].values.shape]
         finite = {name: np.isfinite(given[name].values).all(axis=1) for name in common}
         unusable = {name: float(trajectory.t[np.argmin(ok)]) for name, ok in finite.items() if not ok.all()}
-        return cls({name: right[name].size for name in common if name not in unusable}, unusable)
+        sizes = {name: right[name].size for name in common if name not in unusable}
+        # An energy goes with the square of a speed: one that is much too large would outweigh the speeds themselves.
+        larger = {name: max(sizes[name], given[name].size) for name in ENERGIES if name in sizes}
+        sizes |= {name: size for name, size in larger.items() if math.isfinite(size)}
+        return cls(sizes, unusable)
 
     def parts(self, one: Trajectory, other: Trajectory) -> dict[str, FloatArray]:
         """One minus the other at the same times in units of their size, each of shape (n, n_components)."""

@@ -68,7 +68,7 @@ REJECTED: dict[str, tuple[str, str]] = {
     "wrong_engines:Wrong_torque_sign": ("fixed/stop-torque", "scale of all stop torques (wrong sign)"),
     "wrong_engines:Wrong_never_releases": ("fixed/launch-time", "reading of the hanger rest's release (never"),
     "wrong_engines:Bilateral": ("bouncing/position", "stops by the law release-once"),
-    "dummy_engines:Dummy_swapped_coordinates": ("hanging-chain/angular-speed", "the motion is right"),
+    "dummy_engines:Dummy_swapped_coordinates": ("hanging-chain/angular-speed", "a1, a2, a4, a5 are those of"),
 }
 """Of each wrong engine the first check that fails, and what it says, or the cause that it names."""
 
