@@ -5,7 +5,6 @@ Box2D's angles are anticlockwise, and all its numbers are of single precision.
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from typing import Any
 
 import Box2D
@@ -25,17 +24,9 @@ WIDE = 1e6  # [rad] a limit that is never met
 class Built:
     """A mechanism's world."""
 
-    def __init__(self, mechanism: Mechanism, least: float, least_limited: float, closed: Collection[str]) -> None:
-        """Build the world.
-
-        Args:
-            mechanism: what is built.
-            least: least inertia of a body, as a part of m d^2, d the greatest distance of a joint from its centre.
-            least_limited: the same of a body whose joint has a limit.
-            closed: names of the stops that are limits.
-        """
-        self.mechanism, self.least, self.least_limited = mechanism, least, least_limited
-        self.in_limits = {body for name in closed for body in mechanism.stop(name).bodies}
+    def __init__(self, mechanism: Mechanism) -> None:
+        """Build the world; a body without inertia is one that Box2D never turns."""
+        self.mechanism = mechanism
         self.world: Any = Box2D.b2World(gravity=mechanism.gravity_vector, doSleep=False)
         self.ground: Any = self.world.CreateStaticBody(position=(0.0, 0.0))
         self.bodies: dict[str, Any] = {GROUND: self.ground}
@@ -80,20 +71,8 @@ class Built:
                 angularDamping=0.0,
                 allowSleep=False,
             )
-            made.massData = Box2D.b2MassData(mass=body.mass, center=(0.0, 0.0), I=self._inertia(body))
+            made.massData = Box2D.b2MassData(mass=body.mass, center=(0.0, 0.0), I=body.inertia)
             self.bodies[body.name] = made
-
-    def _inertia(self, body: Any) -> float:
-        """Not below the least: Box2D takes a body without inertia for one that never turns."""
-        points = [self.anchor(body.name, point) for point in self._points(body.name)]
-        farthest = max((float(np.hypot(*point)) for point in points), default=1.0) or 1.0
-        least = self.least_limited if body.name in self.in_limits else self.least
-        return max(body.inertia, least * body.mass * farthest**2)
-
-    def _points(self, name: str) -> list[Vector]:
-        joints = self.mechanism.joints
-        found = [joint.child_point for joint in joints if joint.child == name]
-        return found + [joint.parent_point for joint in joints if joint.parent == name]
 
     def _joint(self, joint: AnyJoint) -> Any:
         first, second = self.bodies[joint.parent], self.bodies[joint.child]

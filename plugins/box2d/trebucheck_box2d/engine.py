@@ -8,12 +8,13 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.plain_run import plain_run
+from trebucheck.engines.point_masses import LeastInertia
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
 from trebucheck.models.features import Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.spec import NonNegative, Positive
+from trebucheck.models.spec import NonNegative
 
 from .study import STUDY
 
@@ -55,15 +56,7 @@ class Box2DEngine(BuiltinEngine):
         description="by how much limits lie beyond the stops [rad]: Box2D tolerates up to 2 degrees, and a limit is "
         "active only where the angle is not short of it by rounding",
     )  # fmt: skip
-    least_inertia: Positive = Field(
-        default=1e-5, le=1.0,
-        description="of a body about its centre of mass, as a part of m d^2, d its greatest distance from a joint",
-    )  # fmt: skip
-    least_limited_inertia: Positive = Field(
-        default=1e-3, le=1.0,
-        description="the same of a body whose joint has a limit: Box2D solves pin and limit by one matrix of single "
-        "precision, which a small inertia makes singular",
-    )  # fmt: skip
+    least_inertia: LeastInertia = 1e-3
 
     @property
     def resolves_impacts(self) -> bool:

@@ -19,14 +19,10 @@ from trebucheck.reference.equations import Equations
 from .build import Built
 from .read import Reader
 
-_NO_INERTIA = 1e-12
-"""Least inertias are numerical options; of m d^2. (Without any, Box2D would take the body for one that never turns.)"""
-
 
 def inspect(mechanism: Mechanism, states: Sequence[State]) -> Inspection:
-    """Inspect the built world in each state."""
-    closed = [stop.name for stop in mechanism.stops if stop.closed]
-    built = Built(mechanism, _NO_INERTIA, _NO_INERTIA, closed)
+    """Inspect the built world in each state, without the masses that a motion has moved along pins."""
+    built = Built(mechanism)
     held = read_back(built)
     equations = Equations(held)
     start, start_speeds = Reader(built).state()

@@ -10,8 +10,10 @@ import numpy as np
 from trebucheck.engines.event_driver import Observation
 from trebucheck.engines.joint_coordinates import Limit
 from trebucheck.engines.plain_run import StepAhead
+from trebucheck.engines.point_masses import NoPointMasses
 from trebucheck.engines.schemes import State
 from trebucheck.models.applied_forces import AppliedForces
+from trebucheck.models.arrays import FloatArray
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.problem import Problem, StopLaw
 
@@ -28,7 +30,6 @@ class Options(Protocol):
     position_iterations: int
     set_back: float
     least_inertia: float
-    least_limited_inertia: float
 
 
 class Motion(StepAhead):
@@ -38,7 +39,8 @@ class Motion(StepAhead):
         self.mechanism, self.timestep, self.options = problem.mechanism, options.timestep, options
         self.once = problem.stop_law is StopLaw.RELEASE_ONCE
         stops = {stop.name: stop for stop in problem.mechanism.stops if stop.closed or not self.once}
-        self.built = Built(problem.mechanism, options.least_inertia, options.least_limited_inertia, stops)
+        self.spread = NoPointMasses(problem.mechanism, options.least_inertia)
+        self.built = Built(self.spread.mechanism)
         self.applied = AppliedForces(Kinematics(problem.mechanism))
         self.limits = {name: self.built.limit(stop, options.set_back) for name, stop in stops.items()}
         self.reader = Reader(self.built)
@@ -47,17 +49,29 @@ class Motion(StepAhead):
 
     def _show_and_step(self) -> tuple[State, Mapping[str, float], Observation]:
         state, seen = self.reader.state(), self.reader.look()
+        before = self._velocities()
         self._apply()
         self.built.world.Step(self.timestep, self.options.velocity_iterations, self.options.position_iterations)
         rate = 1.0 / self.timestep
-        reactions = {name: np.array(joint.GetReactionForce(rate)) for name, joint in self.built.joints.items()}
+        reactions = {
+            name: self.spread.reaction(
+                name, np.array(self.built.joints[name].GetReactionForce(rate)), (velocity - before[name]) * rate
+            )
+            for name, velocity in self._velocities().items()
+        }
         contacts = {name: max(0.0, limit.sense * float(self.built.pins[limit.index].GetReactionTorque(rate)))
                     for name, limit in self.limits.items()}  # fmt: skip
         if self.once:
             self.limits = {name: limit for name, limit in self.limits.items() if contacts[name] > 0.0}
             self._set_limits()
         spring = float(self.applied.potential_energy(state[0]))
-        return state, contacts, replace(seen, potential_energy=seen.potential_energy + spring, reactions=reactions)
+        potential = seen.potential_energy - self.spread.extra_potential_energy + spring
+        return state, contacts, replace(seen, potential_energy=potential, reactions=reactions)
+
+    def _velocities(self) -> dict[str, FloatArray]:
+        """Of the joints' points, by the joints' names [m/s]."""
+        joints = [joint for joint in self.mechanism.joints if joint.name in self.built.joints]
+        return {joint.name: self.reader.point(joint.child, joint.child_point)[1] for joint in joints}
 
     # --- Limits and forces -------------------------------------------------------------------------------------------
 

@@ -20,14 +20,14 @@ from trebucheck.engines.study import (
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     return (
-        Cause("iterations", "sequential impulses end before the joints hold",
+        Cause("iterations", "sequential impulses end before the joints hold, or before their rounding settles",
               Intervention({"velocity_iterations": 10_000, "position_iterations": 1000})),
         time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
     )  # fmt: skip
 
 
 _SCHEME = "semi-implicit Euler, impulses"
-_REASON = "semi-implicit Euler in Cartesian coordinates, down to what unfinished iterations and rounding leave"
+_REASON = "semi-implicit Euler in Cartesian coordinates, down to what single precision leaves"
 _TORQUE = "a step's change of speed in single precision, 1e3 times by the matrix of pin and limit"
 STUDY = EngineStudy(
     causes=_causes,

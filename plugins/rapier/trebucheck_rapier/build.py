@@ -32,15 +32,14 @@ def turned(angle: float | FloatArray, vector: FloatArray) -> FloatArray:
 class Built:
     """A mechanism's scene; carriages of slots come after its bodies."""
 
-    def __init__(self, mechanism: Mechanism, least_inertia: float, carriage: float) -> None:
+    def __init__(self, mechanism: Mechanism, carriage: float) -> None:
         """Make the scene.
 
         Args:
-            mechanism: what is built.
-            least_inertia: of a body, as a part of m d^2, d the greatest distance of a joint from its centre.
+            mechanism: what is built; each body has an inertia.
             carriage: mass of the body in a slot, as a part of that of the body it carries.
         """
-        self.mechanism, self.least_inertia, self.carriage = mechanism, least_inertia, carriage
+        self.mechanism, self.carriage = mechanism, carriage
         self.kinematics, (self.q, self.u) = Kinematics(mechanism), initial_state(mechanism)
         self.index = {GROUND: -1} | {body.name: i for i, body in enumerate(mechanism.bodies)}
         self.angles = {name: float(self.kinematics.angle(name).value(self.q)) for name in self.index}
@@ -73,13 +72,13 @@ class Built:
         return turned(self.angles[joint.parent], np.array([direction.real, direction.imag]) * MIRROR)
 
     def _body(self, body: Body) -> Json:
-        row, lever = self.kinematics.point(body.name, body.centre), self._lever(body)
+        row = self.kinematics.point(body.name, body.centre)
         return {
             "position": (self.kinematics.position(row, self.q) * MIRROR).tolist(),
             "velocity": (self.kinematics.velocity(row, self.q, self.u) * MIRROR).tolist(),
             "speed": float(self.kinematics.angle(body.name).coefficients @ self.u),
             "mass": body.mass,
-            "inertia": max(body.inertia, self.least_inertia * body.mass * lever**2),
+            "inertia": body.inertia,
         }
 
     def _lever(self, body: Body) -> float:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
+from trebucheck.engines.point_masses import LeastInertia, NoPointMasses
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
 from trebucheck.models.features import Basic, Feature
@@ -51,10 +53,7 @@ class RapierEngine(BuiltinEngine):
     passes: Annotated[int, Field(ge=1, le=10_000)] = Field(
         default=4, description="over all joints in a substep (Rapier's numInternalPgsIterations)"
     )
-    least_inertia: Positive = Field(
-        default=1e-5, le=1.0,
-        description="of a body about its centre of mass, as a part of m d^2, d its greatest distance from a joint",
-    )  # fmt: skip
+    least_inertia: LeastInertia = 1e-3
     carriage: Positive = Field(
         default=1e-3, le=1.0,
         description="mass of the body that runs in a slot, as a part of that of the body it carries: Rapier has no "
@@ -80,11 +79,13 @@ class RapierEngine(BuiltinEngine):
         return bridge.absence()
 
     def _run(self, problem: Problem) -> Recording:
-        built = Built(problem.mechanism, self.least_inertia, self.carriage)
+        spread = NoPointMasses(problem.mechanism, self.least_inertia)
+        built = Built(spread.mechanism, self.carriage)
         steps = math.ceil(problem.duration / self.timestep - 1e-9)
         scene = built.scene(problem.stop_law is StopLaw.RELEASE_ONCE) | {
             "timestep": problem.duration / steps, "steps": steps,
             "substeps": self.substeps, "passes": self.passes, "opening": self.opening,
         }  # fmt: skip
         times = np.linspace(0.0, problem.duration, steps + 1)
-        return Motion(built, times, bridge.move(scene)).recording(self.opening)
+        found = Motion(built, times, bridge.move(scene)).recording(self.opening)
+        return replace(found, potential_energy=found.potential_energy - spread.extra_potential_energy)

@@ -12,7 +12,6 @@ from trebucheck.engines.study import (
     Cause,
     ConstraintKinds,
     EngineStudy,
-    Intervention,
     Refinement,
     StepOrder,
     multiplied,
@@ -21,11 +20,7 @@ from trebucheck.engines.study import (
 
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
-    return (
-        Cause("point masses", "a body without inertia is given a least one",
-              Intervention({"least_inertia": float(settings["least_inertia"]) / 10})),
-        time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
-    )  # fmt: skip
+    return (time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),)
 
 
 _SCHEME = "semi-implicit Euler, impulses"
@@ -33,11 +28,7 @@ _REASON = "semi-implicit Euler in substeps of Cartesian coordinates; at short st
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={"tuned": StepOrder(1.0, _REASON, _SCHEME), "stock": StepOrder(1.0, _REASON, _SCHEME)},
-    refinements=(
-        HALF_THE_STEP,
-        Refinement("inertia of point masses", "a tenth of it", multiplied("least_inertia", 0.1)),
-        Refinement("mass in slots", "a tenth of it", multiplied("carriage", 0.1)),
-    ),
+    refinements=(HALF_THE_STEP, Refinement("mass in slots", "a tenth of it", multiplied("carriage", 0.1))),
     option_sets=(STOCK_SET, TUNED_SET),
     colour="#b8860b",
 )
