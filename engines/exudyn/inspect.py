@@ -18,6 +18,7 @@ from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
 from ...models.tree import Slide
 from ..inspection import Dynamics, Inspection, State
+from .body_coordinates import BodyCoordinates
 from .build import System, build, exu, silence
 from .constraints import Spring
 from .lines import on_joint
@@ -61,8 +62,7 @@ class _Inspector:
         self.system = system
         self.solver = Solver(system, options)
         self.kinematics = Kinematics(system.mechanism)
-        self.rows = [self.kinematics.point(body.name, body.centre) for body in system.mechanism.bodies]
-        self.angles = [self.kinematics.angle(body.name) for body in system.mechanism.bodies]
+        self.bodies = BodyCoordinates(self.kinematics)
 
     def inspection(self, states: Sequence[State]) -> Inspection:
         """All quantities, in each state."""
@@ -78,10 +78,10 @@ class _Inspector:
 
     def _dynamics(self, state_matrices: Matrices, reference: FloatArray, state: State) -> Dynamics:
         self._refuse_other_stops(state)
-        displacements, rates = self._placed(state.q) - reference, self._jacobian(state.q) @ state.u
+        displacements, rates = self.bodies.placed(state.q) - reference, self.bodies.jacobian(state.q) @ state.u
         solved = state_matrices.solve(displacements, rates, state.closed)
         mass, forces = state_matrices.mass(), state_matrices.forces()  # of this state, without the stops' springs
-        jacobian = self._jacobian(state.q)
+        jacobian = self.bodies.jacobian(state.q)
         self._set_solution(state_matrices, solved, state.closed)
         reader = self._reader()
         return Dynamics(
@@ -148,20 +148,8 @@ class _Inspector:
 
         return values
 
-    def _placed(self, q: FloatArray) -> FloatArray:
-        """z(q), shape (3 n_bodies,)."""
-        centres = [self.kinematics.position(row, q) for row in self.rows]
-        return np.concatenate([[*at, -angle.value(q)] for at, angle in zip(centres, self.angles, strict=True)])
-
-    def _jacobian(self, q: FloatArray) -> FloatArray:
-        """J = dz/dq, shape (3 n_bodies, n_q)."""
-        rates = self.kinematics.rates(q)
-        moved = [self.kinematics.gradient(row.coefficients, q, rates) for row in self.rows]
-        turns = [-angle.coefficients for angle in self.angles]
-        return np.concatenate([[point.real, point.imag, turn] for point, turn in zip(moved, turns, strict=True)])
-
     def _curvature(self, state: State) -> FloatArray:
         """dJ/dt u, shape (3 n_bodies,)."""
         still = np.zeros(len(state.q))
-        centres = [self.kinematics.acceleration(row, state.q, state.u, still) for row in self.rows]
+        centres = [self.kinematics.acceleration(row, state.q, state.u, still) for row in self.bodies.rows]
         return np.concatenate([[*centre, 0.0] for centre in centres])

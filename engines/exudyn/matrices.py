@@ -22,7 +22,8 @@ from ...models.errors import SimulationError
 from .. import impact_law
 from ..contact_events import Contacts
 from .build import System, exu
-from .solver import DEPENDENT, State
+from .conditioning import DEPENDENT
+from .solver import State
 
 # Central difference of order 8: weights of f(k h) - f(-k h), k = 1..4, over h. A Jacobian is a sum of sines and
 # cosines of rotations; at _TURN [rad] a step the truncation is _TURN^8 / 630 = 1e-15, the rounding 1e-16 / _TURN.

@@ -10,13 +10,14 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.force_elements import RotationalSpringDamper, SpringDamper
 from ...models.joints import AnyJoint
+from ...models.mechanism import Mechanism
 from ...models.trajectory import PointMotion
 from ..contact_events import ContactEvents
 from ..protocol import Recording
 from .build import System
 from .forces import spring_energy
 from .lines import on_joint
-from .sensors import SensorKey, rotation, turned
+from .sensors import SensorKey, Values, rotation, turned
 
 
 def recording(reader: Reader, torques: Mapping[str, FloatArray], events: ContactEvents, steps: int) -> Recording:
@@ -71,12 +72,8 @@ class Reader:
         return PointMotion(self.plane(kind, name, "Position"), self.plane(kind, name, "Velocity"))
 
     def coordinates(self) -> FloatArray:
-        """q, shape (n, n_q); Exudyn's rotations are anticlockwise."""
-        slides = [
-            (on_joint(slide.joint).place(self.values) * slide.direction.conjugate()).real
-            for slide in self.system.mechanism.slides
-        ]
-        return np.stack([*self._angles("CoordinatesTotal"), *slides], axis=-1)
+        """q, shape (n, n_q)."""
+        return coordinates(self.system.mechanism, self.values)
 
     def speeds(self) -> FloatArray:
         """u, shape (n, n_q)."""
@@ -84,11 +81,7 @@ class Reader:
             (on_joint(slide.joint).speed(self.values) * slide.direction.conjugate()).real
             for slide in self.system.mechanism.slides
         ]
-        return np.stack([*self._angles("Coordinates_t"), *slides], axis=-1)
-
-    def _angles(self, quantity: str) -> list[FloatArray]:
-        bodies = self.system.mechanism.bodies
-        return [-rotation(body.name, self.values, quantity) for body in bodies if body.angle is not None]
+        return np.stack([*_angles(self.system.mechanism, self.values, "Coordinates_t"), *slides], axis=-1)
 
     def potential_energy(self) -> FloatArray:
         """Energy of weight and springs [J], shape (n,); Exudyn's own sensor counts that of elastic bodies only."""
@@ -118,3 +111,13 @@ class Reader:
             return np.linalg.norm(self.plane("joint", joint.name, "Displacement"), axis=1)
         (across,) = joint.held_directions
         return np.abs((on_joint(joint).place(self.values) * complex(across).conjugate()).real)
+
+
+def coordinates(mechanism: Mechanism, values: Values) -> FloatArray:
+    """The coordinates q by sensors, shape (n, n_q); Exudyn's rotations are anticlockwise."""
+    slides = [(on_joint(s.joint).place(values) * s.direction.conjugate()).real for s in mechanism.slides]
+    return np.stack([*_angles(mechanism, values, "CoordinatesTotal"), *slides], axis=-1)
+
+
+def _angles(mechanism: Mechanism, values: Values, quantity: str) -> list[FloatArray]:
+    return [-rotation(body.name, values, quantity) for body in mechanism.bodies if body.angle is not None]

@@ -19,14 +19,15 @@ from ...models.errors import SimulationError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ..contact_events import Contacts
+from .body_coordinates import BodyCoordinates
 from .build import System, exu
+from .conditioning import DEPENDENT, Conditioning, LoopConstraints
 from .options import ExudynOptions
+from .read import Reader, coordinates
 from .sensors import SensorKey, Values
 
 _EVERY_STEP = 1e-12  # [s] the default is 0.01 s; this is below any step
 _SAME_TIME = 1e-9  # of the run's last time: Exudyn adds up its steps
-DEPENDENT = 1e-6
-"""Of the largest singular value of a constraint Jacobian: constraints more nearly dependent follow from each other."""
 
 _DIFFERENCE = 3e-5  # relative step of Exudyn's difference quotients: 1e-6 to 1e-4 do as well
 
@@ -34,6 +35,7 @@ _DIFFERENCE = 3e-5  # relative step of Exudyn's difference quotients: 1e-6 to 1e
 # position: a step of length h that ends at a distance x from one converges by h / 2 x an iteration, or not at all.
 _ITERATIONS = 25  # as Exudyn has it: more would reach another branch of the motion where the right one repels
 _LEAPS = (5.0, 6.0, 8.0, 12.0)  # in steps: over a singular position, to an end that is farther from it than the start
+_BEYOND, _FAR = 2.2, 50.0  # of the steps to the position, for the shortest; if it is as near as this many
 _BACK = 2  # steps before the last good one at which a leap begins: the last ones were near the position as well
 _LEAP_ITERATIONS = 200
 # Redundant joints contradict each other by the drift of the positions, of the order of the truncation error, and no
@@ -50,6 +52,8 @@ class _Outcome(Enum):
     ARRIVED = auto()
     STOPPED = auto()
     """By the monitor."""
+    INTERRUPTED = auto()
+    """To begin anew: loops are or were nearly dependent (:mod:`.conditioning`)."""
     FAILED = auto()
 
 
@@ -88,6 +92,8 @@ class Solver:
         self._dependent = _may_be_dependent(system.mechanism)
         self._redundant = _has_redundant_joints(system.mechanism)
         self._residual = options.newton_absolute
+        self._kinematics = Kinematics(system.mechanism)
+        self._conditioning: Conditioning | None = None
 
     def start(self) -> State:
         """The state as built."""
@@ -162,9 +168,13 @@ class Solver:
             SimulationError: a step failed, or the end was not reached although the monitor did not stop the run.
         """
         step = (end - state.t) / steps
+        self._conditioning = self._watched(active)
         table, outcome = self._equal_steps(state, active, end, steps, monitor)
         failed = -np.inf
-        while outcome is _Outcome.FAILED:
+        while outcome in (_Outcome.FAILED, _Outcome.INTERRUPTED):
+            if outcome is _Outcome.INTERRUPTED:
+                table, outcome = self._onwards(table, step, end, monitor)
+                continue
             if self._redundant and self._residual < _CONTRADICTION:
                 self._residual = _CONTRADICTION
                 table, outcome = self._onwards(table, step, end, monitor)
@@ -189,6 +199,8 @@ class Solver:
         self._set(state, balance.accelerations)
         settings = self._settings(state.t, end, steps)
         settings.timeIntegration.newton.maxIterations = iterations
+        if self._conditioning:
+            self._conditioning.begin(self._coordinates())
         finished, stopped = self._solve(settings, monitor)
         table = self._table()
         table[0] = balance.row  # with accelerations given, Exudyn's own first row has no forces
@@ -196,7 +208,27 @@ class Solver:
         last = float(table[-1, 0])
         if finished and stopped and last > state.t:
             return table, _Outcome.STOPPED
-        return table, _Outcome.ARRIVED if finished and is_at(last, end) else _Outcome.FAILED
+        if finished and is_at(last, end):
+            return table, _Outcome.ARRIVED
+        interrupted = finished and self._conditioning is not None and self._conditioning.is_due
+        return table, _Outcome.INTERRUPTED if interrupted else _Outcome.FAILED
+
+    def _watched(self, active: Contacts) -> Conditioning | None:
+        """Of the loops; generalised alpha damps what it would be watched for."""
+        if not self.system.mechanism.loop_joints or not self.options.integrator.startswith("trapezoidal"):
+            return None
+        return Conditioning(LoopConstraints(self._kinematics, active))
+
+    def _coordinates(self) -> FloatArray:
+        return coordinates(self.system.mechanism, self.system.now)[0]
+
+    def _without_drift(self, table: FloatArray) -> State:
+        """The nearest state to that at the end of a table in which loops and active stops are closed."""
+        state, reader = self.state(table, -1), Reader(self.system, self.columns, table[-1:])
+        bodies, start = BodyCoordinates(self._kinematics), initial_state(self.system.mechanism)[0]
+        constraints = LoopConstraints(self._kinematics, self.system.active)
+        q, u = constraints.projected(reader.coordinates()[0], reader.speeds()[0])
+        return State(state.t, bodies.placed(q) - bodies.placed(start), bodies.jacobian(q) @ u)
 
     def _past_failure(
         self, table: FloatArray, step: float, end: float, monitor: Monitor | None
@@ -204,7 +236,7 @@ class Solver:
         """A table that ends before a step that failed, with a longer step and equal ones after it."""
         table = table[: max(1, len(table) - _BACK)]
         state = self.state(table, -1)
-        for length in self._leaps:
+        for length in self._leaps(table):
             leap, outcome = self._leap(state, min(state.t + length * step, end), monitor)
             if outcome is not _Outcome.FAILED:
                 break
@@ -219,7 +251,8 @@ class Solver:
         self, table: FloatArray, step: float, end: float, monitor: Monitor | None
     ) -> tuple[FloatArray, _Outcome]:
         """A table and equal steps after it."""
-        now = self.state(table, -1)
+        nears = self._conditioning is not None and self._conditioning.is_due and self._conditioning.has_neared
+        now = self._without_drift(table) if nears else self.state(table, -1)
         rest, outcome = self._equal_steps(now, self.system.active, end, max(1, round((end - now.t) / step)), monitor)
         return np.concatenate([table[:-1], rest]), outcome
 
@@ -231,11 +264,16 @@ class Solver:
             return leap, _Outcome.FAILED
         return leap, outcome
 
-    @property
-    def _leaps(self) -> tuple[float, ...]:
-        """Lengths of steps in place of one that failed, in steps; only loops have singular positions."""
-        alone = self.options.adaptive_step or not self.system.mechanism.loop_joints
-        return () if alone else _LEAPS
+    def _leaps(self, table: FloatArray) -> tuple[float, ...]:
+        """Lengths of steps in place of one that failed after a table, in steps; only loops have singular positions."""
+        if self.options.adaptive_step or not self.system.mechanism.loop_joints:
+            return ()
+        if self._conditioning is None:
+            return _LEAPS
+        reader = Reader(self.system, self.columns, table[-2:])
+        ahead = self._conditioning.steps_ahead(reader.coordinates())
+        longer = max(1.0, _BEYOND * ahead / _LEAPS[0]) if ahead < _FAR else 1.0
+        return tuple(longer * leap for leap in _LEAPS)
 
     def _give_up(self, table: FloatArray, end: float) -> NoReturn:
         hint = "a shorter timestep may help" if len(table) > 1 else "the step is too long, or a position singular"
@@ -252,10 +290,11 @@ class Solver:
             # Exudyn takes the missing value of a bare `return` for False, and ends the run without a word.
             nonlocal stopped
             stopped = stopped or (monitor is not None and time > start and not monitor(time))
-            return not stopped
+            interrupted = conditioning is not None and time > start and conditioning.look(self._coordinates)
+            return not (stopped or interrupted)
 
-        main = self.system.main
-        main.SetPostStepUserFunction(after_step if monitor else 0)
+        main, conditioning = self.system.main, self._conditioning
+        main.SetPostStepUserFunction(after_step if monitor or conditioning else 0)
         settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False
         try:
             return bool(main.SolveDynamic(settings)), stopped
