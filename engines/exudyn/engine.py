@@ -22,6 +22,9 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
     The step is shortened a little, so that a whole number of equal steps fits between the start or a release
     and the end: a short last step would be a source of noise in the multipliers.
 
+    A tuned run with loops begins anew beside positions in which their constraints depend on each other
+    (:mod:`.conditioning`); steps that fail there are replaced by a longer one over the position.
+
     Under the unilateral law an open stop's gap is looked at after every step; where it fell below zero the run steps
     onto the zero, in either preset, and the speeds jump by Newton's law. A touch within one step is not seen.
     """
