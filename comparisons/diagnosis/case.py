@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...models.arrays import FloatArray
+from ...models.arrays import FloatArray, IndexArray
 from ...models.errors import TrebucheckError
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
@@ -15,6 +15,7 @@ from ...models.trajectory import Trajectory
 from ...reference.equations import Equations
 from ...reference.solution import Motion, Solution
 from ...reference.solver import solve
+from ..runs.comparison import EVENT_GUARD
 from .signatures import Channels, thinned, weights
 
 _SAMPLES = 300  # of the compared motion: enough to tell suspects apart
@@ -67,8 +68,21 @@ class Case:
     @cached_property
     def trajectory(self) -> Trajectory:
         """As given, at some of its times."""
-        # Without the start: an engine that records its states late still starts there.
-        return thinned(self.whole, np.unique(np.linspace(1, self.compared - 1, _SAMPLES).astype(int)))
+        chosen = self._away[np.unique(np.linspace(0, len(self._away) - 1, _SAMPLES).astype(int))]
+        return thinned(self.whole, chosen)
+
+    @property
+    def _away(self) -> IndexArray:
+        """Compared samples that are not beside an event of either, where speeds or forces jump; all if few are left."""
+        every = np.arange(1, self.compared)  # without the start: an engine that records its states late starts there
+        motions = self.solution, self.whole
+        impacts = [time for motion in motions for time, _ in motion.impacts]
+        releases = [time for motion in motions for time in motion.release_times.values() if time is not None]
+        t, guard = self.whole.t[every], EVENT_GUARD * self.step
+        beside = np.zeros(len(t), dtype=bool)
+        for time in (*impacts, *releases):
+            beside |= np.abs(t - time) <= guard
+        return every[~beside] if (~beside).sum() > _FEWEST else every
 
     @property
     def t(self) -> FloatArray:

@@ -136,7 +136,9 @@ def _rubbing(mechanism: Mechanism, torque: float, rate: float, length: float) ->
     kinematics, n = Kinematics(mechanism), len(mechanism.coordinates)
     pins = np.array([kinematics.angle(joint.child, joint.parent).coefficients for joint in _turning(mechanism)])
     slides = np.eye(n)[[i for i, name in enumerate(mechanism.coordinates) if name not in mechanism.angles]]
-    groups = {"all turning joints": (pins, torque / rate, "N m s/rad")} if len(pins) > 1 else {}
+    hinges = np.array([joint.kind == "pin" for joint in _turning(mechanism)])
+    turning = {"all turning joints": pins} | ({} if hinges.all() else {"all pins": pins[hinges]})
+    groups = {name: (rows, torque / rate, "N m s/rad") for name, rows in turning.items() if len(rows) > 1}
     force = torque / length / (length * rate), "N s/m"
     for row in slides:
         groups[f"slide {mechanism.coordinates[int(row.argmax())]}"] = row[None], *force
