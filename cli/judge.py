@@ -25,11 +25,11 @@ def judge_command(
     json: options.Json = False,
     out: Annotated[Path, options.out("Folder for judgement.html and judgement.json.")] = Path("judgement"),
 ) -> None:
-    """Judge a motion from a file against the reference, in every quantity that it gives; nothing else is believed.
+    r"""Judge a motion from a file against the reference, in every quantity that it gives; nothing else is believed.
 
-    Columns are those of `Trajectory.to_dataframe`, each with its unit: t [s], q theta [rad], u theta [rad/s],
-    projectile x [m], projectile vx [m/s], stop hanger rest [N m], joint fulcrum x [N], kinetic energy [J]. Releases
-    stand in comments: # release hanger rest [s] = 0.8167; impacts, too: # impact floor [s] = 0.4515, impulse [N s] =
+    Columns are those of `Trajectory.to_dataframe`, each with its unit: t \[s], q theta \[rad], u theta \[rad/s],
+    projectile x \[m], projectile vx \[m/s], stop hanger rest [N m], joint fulcrum x [N], kinetic energy [J]. Releases
+    stand in comments: # release hanger rest \[s] = 0.8167; impacts, too: # impact floor \[s] = 0.4515, impulse [N s] =
     13.29. Two samples at the time of an impact give the speeds before and after it. Coordinates or a marker's position
     are needed. Exit codes: 0 what is given agrees, 1 it does not or could not be judged, 2 the file is broken.
 

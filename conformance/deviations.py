@@ -70,6 +70,8 @@ class Deviations(Spec):
             raise InputError(f"{path} cannot be read: {error}.") from None
         if not isinstance(parsed, dict):
             raise InputError(f"{path} must hold rows 'deviation', each with id, reason and owner.")
+        if isinstance(parsed.get("deviation"), dict):
+            raise InputError(f"{path}: deviation is one table; a list of them is needed: [[deviation]] in TOML.")
         try:
             return cls(**parsed)
         except InputError as error:

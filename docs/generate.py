@@ -228,6 +228,7 @@ def write_commands() -> None:
     context = typer.Context(command, info_name="trebucheck")
     text = get_docs_for_click(obj=command, ctx=context, name="trebucheck", title="Commands")
     text = re.sub(r"^(?:Example: )?(trebucheck .*)$", r"    \1", text, flags=re.MULTILINE)  # examples as code
+    text = text.replace("\\[", "[")  # escaped, so that a terminal shows units and does not take them for colours
     (ROOT / "docs" / "commands.md").write_text(f"<!-- written by docs/generate.py -->\n{text.strip()}\n")
 
 

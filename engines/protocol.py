@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any, ClassVar, Protocol, Self, runtime_checkable
+from typing import Any, ClassVar, Protocol, Self, cast, runtime_checkable
 
 import numpy as np
 from pydantic import Field, JsonValue
@@ -145,7 +145,7 @@ class EngineOptions(Spec):
 
 
 class BuiltinEngine(EngineOptions, ABC):
-    """An engine of this package: its fields are its numerical options, its defaults are the tuned preset.
+    """Base class of engines, also of plug-ins: fields are numerical options, their defaults are the tuned preset.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -213,6 +213,7 @@ class BuiltinEngine(EngineOptions, ABC):
         except Exception as error:
             raise SimulationError(f"{self.name} failed: {type(error).__name__}: {error}") from error
         wall = time.perf_counter() - started
+        self._refuse_wrong_shapes(problem, recording)
         self._refuse_divergence(recording)
         return Trajectory(
             mechanism=problem.mechanism,
@@ -224,13 +225,20 @@ class BuiltinEngine(EngineOptions, ABC):
         """Run without the stops whose gap nothing can change: an engine would find no unique force for them."""
         idle = immovable_stops(problem.mechanism)
         if not idle:
-            return self._run(problem)
-        recording = self._run(problem.model_copy(update={"mechanism": without_stops(problem.mechanism, idle)}))
+            return self._recorded(problem)
+        recording = self._recorded(problem.model_copy(update={"mechanism": without_stops(problem.mechanism, idle)}))
         return replace(
             recording,
             stop_torques={**recording.stop_torques} | dict.fromkeys(idle, np.zeros(len(recording.t))),
             release_times={**recording.release_times} | dict.fromkeys(idle),
         )
+
+    def _recorded(self, problem: Problem) -> Recording:
+        """What `_run` returns, which is a recording."""
+        recording = cast("object", self._run(problem))
+        if not isinstance(recording, Recording):
+            raise SimulationError(f"{self.name}: _run returned {type(recording).__name__}; a Recording is needed.")
+        return recording
 
     @property
     def resolves_impacts(self) -> bool:
@@ -239,7 +247,7 @@ class BuiltinEngine(EngineOptions, ABC):
 
     @abstractmethod
     def _run(self, problem: Problem) -> Recording:
-        """Build, run and read out."""
+        """Build, run and read out; a :class:`Recording`, whose fields, units, signs and frames docs/plugins.md has."""
 
     @classmethod
     def absence(cls) -> str:
@@ -289,6 +297,15 @@ class BuiltinEngine(EngineOptions, ABC):
                 f"{need / 1e9:.3g} GB of memory are needed and {available / 1e9:.3g} GB are available; at least "
                 f"{self.timestep * need / available:.3g} s is needed."
             )
+
+    def _refuse_wrong_shapes(self, problem: Problem, recording: Recording) -> None:
+        """Coordinates and speeds, which are read here; everything else is judged with the trajectory."""
+        needed = (*np.shape(recording.t), len(problem.mechanism.coordinates))
+        for name in ("q", "u"):
+            if (shape := np.shape(getattr(recording, name))) != needed:
+                raise SimulationError(
+                    f"{self.name}: {name} has shape {shape}; {needed}, (samples, coordinates), is needed."
+                )
 
     def _refuse_divergence(self, recording: Recording) -> None:
         finite = np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.u).all(axis=1)

@@ -21,7 +21,7 @@ from ..models.problem import Problem
 from ..models.spec import Spec
 from ..models.trajectory import Trajectory
 from .inspection import Inspectable, Inspection, State
-from .protocol import Capabilities, Engine, Simulator, refuse_no_problem
+from .protocol import BuiltinEngine, Capabilities, Engine, Simulator, refuse_no_problem
 from .study import Cause, ConstraintKinds, EngineStudy
 
 PLUGIN_GROUP = "trebucheck.engines"
@@ -83,7 +83,7 @@ def announce(path: str) -> str:
         InputError: there is no such class, it has no name, or its name is that of an engine of this package.
     """
     cls = _loaded(importlib.metadata.EntryPoint(path, path, PLUGIN_GROUP))
-    name = getattr(cls, "name", None)
+    name: object = getattr(cls, "name", None)
     if not isinstance(name, str) or not name or set(name) & set(" =/"):
         raise InputError(f"engine {path}: its name is {name!r}; a text without spaces, '=' and '/' is needed.")
     if name in _BUILTIN:
@@ -95,9 +95,29 @@ def announce(path: str) -> str:
 
 def _loaded(point: importlib.metadata.EntryPoint) -> EngineClass:
     try:
-        return cast("EngineClass", point.load())
+        cls = point.load()
     except Exception as error:
         raise InputError(f"engine {point.name!r} comes from a plug-in that cannot be loaded: {error}.") from error
+    _refuse_incomplete(point.name, cls)
+    return cast("EngineClass", cls)
+
+
+def _refuse_incomplete(name: str, cls: object) -> None:
+    """Say what the class of a plug-in lacks, before it is missed somewhere else."""
+    declared = getattr(cls, "capabilities", None)
+    if not isinstance(declared, Capabilities):
+        given = "has no `capabilities`" if declared is None else f"has capabilities of type {type(declared).__name__}"
+        raise InputError(f"engine {name!r}: its class {given}; a trebucheck.Capabilities is needed.")
+    if not callable(getattr(cls, "presets", None)):
+        raise InputError(
+            f"engine {name!r}: its class has no `presets()`; makers by name, 'tuned' and 'stock', are needed."
+        )
+    own_version = getattr(getattr(cls, "version", None), "__func__", None) is not BuiltinEngine.version.__func__
+    if isinstance(cls, type) and issubclass(cls, BuiltinEngine) and not own_version and not hasattr(cls, "package"):
+        raise InputError(
+            f"engine {name!r}: its class has no `package`, the distribution whose version is reported; "
+            "an engine that is none has is_installed() and version() of its own."
+        )
 
 
 def engine_class(name: str) -> EngineClass:
@@ -117,6 +137,8 @@ def engine_class(name: str) -> EngineClass:
     known = engine_names()
     close = get_close_matches(name, known, n=1)
     hint = f" (did you mean {close[0]!r}?)" if close else ""
+    if ":" in name:
+        hint = " (a class that is not installed is taken by `conform` and `pytest --trebucheck`; else install it)"
     raise InputError(f"there is no engine {name!r}{hint}; there are: {', '.join(known)}.")
 
 

@@ -137,6 +137,8 @@ def _impact(line: str, mechanism: Mechanism) -> list[Impact]:
 
 def _headings(cells: list[str], columns: Mapping[str, Kind]) -> list[tuple[str, float]]:
     """Name and SI value of the unit of each column."""
+    if len(cells) == 1 and (mark := next((mark for mark in ";\t" if mark in cells[0]), "")):
+        raise InputError(f"columns are separated by {mark!r}; commas are needed, and points in numbers")
     found: list[tuple[str, float]] = []
     for cell in cells:
         name, unit = split_heading(cell)

@@ -26,7 +26,8 @@ def headline(found: Judgement) -> str:
     judged, held = len(found.judged), len(found.judged) - len(found.broken)
     named = (m for m in found.metrics if m.note == NOT_GIVEN and not m.observed)
     missing = sum(QUANTITIES[metric.name].follows is None for metric in named)
-    rest = f"; {missing} quantities are not given, and not judged" if missing else ""
+    many = "quantity is" if missing == 1 else "quantities are"
+    rest = f"; {missing} {many} not given, and not judged" if missing else ""
     verdict = found.outcome.value if found.outcome is not Outcome.AGREES else "agrees in what it gives"
     return f"{found.file} {verdict} on {found.machine.model!r}: {held} of {judged} judged quantities hold{rest}."
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 from ...models.errors import InputError
 from ...models.mechanism import Mechanism
@@ -120,5 +121,7 @@ def judged_quantity(title: str) -> Quantity:
     """
     quantity = JUDGED.get(title) or QUANTITIES.get(title)
     if quantity is None or quantity.follows is not None:
-        raise InputError(f"tolerance {title[:60]!r} is not of a judged quantity; there are: {', '.join(JUDGED)}.")
+        close = get_close_matches(title, JUDGED, n=1)
+        hint = f" (did you mean {close[0]!r}?)" if close else ""
+        raise InputError(f"tolerance {title[:60]!r} is not of a judged quantity{hint}; there are: {', '.join(JUDGED)}.")
     return quantity

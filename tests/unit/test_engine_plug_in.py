@@ -9,6 +9,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.converge.floor import refinements
@@ -92,8 +93,12 @@ def test_its_causes_parameters_option_sets_snippets_and_colour_are_its_own() -> 
 def test_the_documented_examples_are_what_they_say() -> None:
     own, text = ((ROOM.parents[1] / "docs" / f"{page}.md").read_text() for page in ("extending", "plugins"))
     scope: dict[str, Any] = {}
-    (mechanism,), (_, study) = (re.findall(r"```python\n(.*?)```", page, re.DOTALL) for page in (own, text))
+    (mechanism,), (start, _, study) = (re.findall(r"```python\n(.*?)```", page, re.DOTALL) for page in (own, text))
     exec(study, scope)
+    scope["mechanism"] = tb.fixed()
+    exec(start, scope)
+    np.testing.assert_allclose(scope["motion"].position, [scope["place"]], rtol=0, atol=1e-14)
+    assert scope["angle"] == 0.0 and scope["turning"] == 0.0  # of the arm of the fixed machine, at rest and level
     exec(mechanism.partition("tb.compare(")[0], scope)
     assert isinstance(scope["STUDY"], EngineStudy) and len(scope["quick_return"].loop_joints) == 1
     for field in fields(EngineStudy):
