@@ -232,7 +232,7 @@ def _angles(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
 
 def _by(r: Trajectory, given: Trajectory, wrong: _Angles) -> Iterator[Reading]:
     """Angles by a convention and their speeds, or that of the two which is nearer so; with the zeros that they have."""
-    zeros = _zeros(given.q - wrong.q)
+    zeros = _zeros(given.q - wrong.q, np.ptp(wrong.q, axis=0))
     misread = _apart(given.q, wrong.q + zeros) < _apart(given.q, r.q)
     fast = _apart(given.u, wrong.u) < _apart(given.u, r.u)
     if not (misread or fast):
@@ -246,11 +246,12 @@ def _by(r: Trajectory, given: Trajectory, wrong: _Angles) -> Iterator[Reading]:
     yield Reading(" ".join(filter(None, (what, wrong.how, text))), (taken,))
 
 
-def _zeros(difference: FloatArray) -> FloatArray:
-    """Of each coordinate the constant that it differs by; 0 where that is no constant."""
+def _zeros(difference: FloatArray, motion: FloatArray) -> FloatArray:
+    """Of each coordinate the constant that it differs by; 0 where that is no constant beside what it moves by."""
     middle = np.median(difference, axis=0)
     spread = np.abs(difference - middle).max(axis=0)
-    steady = (spread < _STEADY * np.abs(middle)) & np.isfinite(spread)
+    least = _ROUNDING * np.abs(middle)
+    steady = (spread <= least + _STEADY * np.minimum(np.abs(middle), motion)) & np.isfinite(spread)
     return np.where(steady, middle, 0.0)
 
 

@@ -59,7 +59,8 @@ def _scales(r: Trajectory, step: float) -> Iterator[Reading]:
 
     def scaled(what: str, **doubled: object) -> Reading:
         wrong = replace(r, **doubled)  # type: ignore[arg-type]
-        return Reading(f"scale of {what}", (wrong,), lambda f: scale_text(f[0], step))
+        of_force = step if what.endswith(("torque", "torques", "force", "forces")) else math.nan
+        return Reading(f"scale of {what}", (wrong,), lambda f: scale_text(f[0], of_force))
 
     for name, torque in r.stop_torques.items():
         if torque.any():

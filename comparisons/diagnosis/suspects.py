@@ -79,8 +79,15 @@ def combined(mechanism: Mechanism, suspects: Sequence[Suspect], factors: Sequenc
     """The mechanism with several suspects at once, each with so many times its amount; None where there is none."""
     if any(suspect.scale == 0 for suspect in suspects):
         return None
-    blended = _blended(mechanism.model_dump(), [suspect.wrong.model_dump() for suspect in suspects], factors)
+    right, *wrong = _with_speeds([mechanism.model_dump(), *(suspect.wrong.model_dump() for suspect in suspects)])
+    blended = _blended(right, wrong, factors)
     return consistent_mechanism(blended, any(suspect.start_moves for suspect in suspects))
+
+
+def _with_speeds(every: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """With start speeds of zero where those are left out, if one of them has any."""
+    n = max(len(fields["start_speeds"]) for fields in every)
+    return [fields | {"start_speeds": fields["start_speeds"] or (0.0,) * n} for fields in every]
 
 
 def _blended(right: Any, wrong: Sequence[Any], factors: Sequence[float]) -> Any:
@@ -140,6 +147,9 @@ def _masses(mechanism: Mechanism) -> Iterator[Suspect]:
         wrong = _with_part(mechanism, "bodies", body.name, {"inertia": body.inertia + grown})
         amount: dict[str, Any] = {} if body.inertia else {"scale": grown, "unit": "kg m^2"}
         yield from _suspect(f"inertia of the {body.name}", "machine", wrong, **amount)
+    if sum(body.inertia > 0 for body in mechanism.bodies) > 1:
+        every = [body.model_dump() | {"inertia": body.inertia * (1 + _SMALL)} for body in mechanism.bodies]
+        yield from _suspect("inertias of all bodies", "machine", _changed(mechanism, bodies=every))
 
 
 def _centres(mechanism: Mechanism) -> Iterator[Suspect]:

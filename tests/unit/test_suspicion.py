@@ -12,6 +12,7 @@ from trebucheck.comparisons.diagnosis.hypotheses import Component, hypotheses
 from trebucheck.comparisons.diagnosis.motion import diagnose_motion
 from trebucheck.comparisons.diagnosis.ranking import ranked
 from trebucheck.comparisons.diagnosis.response import first_order
+from trebucheck.comparisons.diagnosis.suspects import combined, machine_suspects
 from trebucheck.comparisons.runs.results import Cause, Diagnosis, Metric, Outcome, Run
 from trebucheck.models.trajectory import PointMotion
 from trebucheck.reference.equations import Equations
@@ -165,3 +166,12 @@ def test_impacts_are_solved_instead_of_linearised() -> None:
     wrong = solve(tb.Problem(_pendulum(1.001 * 9.81), duration=1.4, stop_law="unilateral"))
     found = _said(replace(wrong.trajectory(t), mechanism=right), solution, 1.3)
     assert found.causes[0].name == "gravity" and found.causes[0].amount == "+0.1 %", found
+
+
+def test_a_start_speed_has_the_size_asked_for_where_the_mechanism_starts_at_rest() -> None:
+    """Left-out start speeds are zeros: the fault was the suspect's own small one whatever its size."""
+    mechanism = tb.catapult()
+    (speed,) = [suspect for suspect in machine_suspects(mechanism) if suspect.name == "start speed of theta"]
+    wrong = combined(mechanism, [speed], [1e4])
+    assert mechanism.start_speeds == ()
+    assert wrong is not None and wrong.start_speeds == pytest.approx((1e4 * speed.scale,))
