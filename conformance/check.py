@@ -66,7 +66,6 @@ def check(
         [given], [target.engine], [target.preset], options=options or {}, stop_law=stop_law,
         until=one_end(duration, until), tolerances=needs, timeout=timeout, isolate=isolate,
     )  # fmt: skip
-    study.needs.refuse_what_only_files_tell()
     run = _run(study, target)
     wanted = frozenset(study.needs.by_quantity)
     faults = list(_faults(run, wanted))

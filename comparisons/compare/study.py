@@ -128,7 +128,6 @@ def compare_study(study: Study, progress: Callable[[Case, int, int], None] | Non
     Raises:
         InputError: as :func:`compare`.
     """
-    study.needs.refuse_what_only_files_tell()
     cases = [
         Case(m.name, name, preset) for m in study.mechanisms for name in study.every_engine for preset in study.presets
     ]

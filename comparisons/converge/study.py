@@ -17,7 +17,7 @@ from ...models.errors import InputError, SimulationError
 from ..runs.study import Counter, Study, all_in_order
 from ..runs.trials import Deviation, Trial, Trials, trials_of
 from .floor import Site, floor
-from .orders import Extrapolated, Level, fitting, largest, limit, power_law
+from .orders import FEWEST, Extrapolated, Level, fitting, largest, limit, power_law
 from .results import Curve, Floor, Limit, LimitPair, MachineStudies, Point, PowerLaw, QuantityName, Studies
 from .results import Study as ParameterStudy
 
@@ -25,6 +25,7 @@ _METRICS: Mapping[QuantityName, str] = {"position": "position_max", "torque": "s
 _STEPS = tuple(1e-2 / 2**k for k in range(8))  # 1e-2 to 7.8e-5 s: two decades and a little
 _STOCK_STEPS = _STEPS[:6]  # down to 3e-4 s: finer ones are no newcomer's, and cost the most
 _STEPS_TIME = 1.36  # [s] characteristic time of machines with these steps, the mean of the named ones
+_COARSER = tuple(_STEPS[0] * 2 ** (k / 2) for k in range(1, 9))  # to 0.16 s, an eighth of the time below
 _UNKNOWN = StepOrder(None, "the order of a plug-in is not known beforehand")
 
 
@@ -193,6 +194,22 @@ class _Sweep:
         for value in parameter.values:
             count.start(f"{trials.mechanism.name}: {name} {parameter.preset} {parameter.name}")
             self._measure(self._fitting_step(value) if self.of_step else value)
+        if parameter.name == "timestep":
+            self._coarsen()
+
+    def _coarsen(self) -> None:
+        """Go on at the coarse end while too few errors stand above the reference's uncertainty to show an order.
+
+        A high order is at rounding with every step that a low one is measured at.
+        """
+        for value in _COARSER:
+            coarsest = self.points[0].position
+            above = sum((point.position or 0.0) > self.uncertainty["position"] for point in self.points)
+            if not coarsest or above >= FEWEST:
+                return
+            self._measure(self._fitting_step(value))
+            self.points.insert(0, self.points.pop())
+            self.trials.insert(0, self.trials.pop())
 
     def _fitting_step(self, step: float) -> float:
         """A step scaled to this machine's time by a power of two, and such that whole numbers fit."""

@@ -117,12 +117,14 @@ def orders_of(studies: Studies) -> Iterator[MeasuredOrder]:
     """Of the sweeps of the time step in which something moved."""
     for machine in studies.machines:
         for study in machine.studies:
-            law = study.curve("position").law
+            curve = study.curve("position")
+            law, floor = curve.law, curve.floor
             if study.knob == "timestep" and any(point.position is not None for point in study.points):
                 yield MeasuredOrder(
                     engine=study.engine, preset=study.preset, problem=machine.model,
                     exponent=None if law is None else law.exponent,
                     half_width=None if law is None else law.half_width,
+                    floor=None if floor is None else floor.error, floor_cause="" if floor is None else floor.cause,
                 )  # fmt: skip
 
 

@@ -27,7 +27,7 @@ from ..report.document import (
 )  # fmt: skip
 from ..report.numbers import format_number
 from ..runs.results import COMPARED, Outcome
-from .results import SHOWN, Error, Matrix, MatrixProblem, MatrixRun
+from .results import SHOWN, Error, Matrix, MatrixProblem, MatrixRun, MeasuredOrder
 from .spread import FLOOR, sentence, spreads
 
 _UNSTATED = "scheme not stated"
@@ -133,15 +133,25 @@ def _leading(matrix: Matrix) -> dict[str, Sequence[object]]:
     return {label: (_order(matrix, label), _agrees([*matrix.of(label)])) for label in labels}
 
 
-def _order(matrix: Matrix, label: str) -> str:
+def _order(matrix: Matrix, label: str) -> Cell:
     """Measured, or else as declared, which is said."""
     found = [order for order in matrix.orders if order.label == label]
     # Where a sweep begins at the floor of rounding it finds no power; another one may.
     measured = [order for order in found if order.exponent is not None] or found
     if measured:
-        return str(measured[0])
+        return _measured(measured[0])
     declared = next(iter(matrix.of(label))).order
-    return "none (declared)" if declared is None else f"{declared:g} (declared)"
+    return Cell("none (declared)" if declared is None else f"{declared:g} (declared)")
+
+
+def _measured(order: MeasuredOrder) -> Cell:
+    """With its problem; where the error keeps to a floor, that."""
+    what, hint = "none", ""
+    if order.exponent is not None:
+        what = f"{order.exponent:.3f} ± {order.half_width or 0.0:.3f}"
+    elif order.floor is not None:
+        what, hint = f"none: floor {format_number(order.floor)} m", f"set by: {order.floor_cause}"
+    return Cell(f"{what} ({order.problem})", hint=hint)
 
 
 def _agrees(runs: Sequence[MatrixRun]) -> str:

@@ -103,15 +103,13 @@ class MeasuredOrder(Spec):
     problem: str
     exponent: Real | None = Field(description="None: no power of the step was found")
     half_width: Real | None = Field(default=None, description="of its 95 % confidence interval")
+    floor: Real | None = Field(default=None, description="error that no smaller step lowers [m]; None: not reached")
+    floor_cause: str = Field(default="", description="what sets it")
 
     @property
     def label(self) -> str:
         """Engine and preset in one."""
         return f"{self.engine} {self.preset}"
-
-    def __str__(self) -> str:
-        measured = "none" if self.exponent is None else f"{self.exponent:.3f} ± {self.half_width or 0.0:.3f}"
-        return f"{measured} ({self.problem})"
 
 
 class Matrix(ResultFile):

@@ -87,6 +87,8 @@ class Study:
             engine_class(name)
         refuse_unknown_options(self.options, self.every_engine)
         self.needs.refuse_unknown_subjects(self.mechanisms)
+        if self.every_engine:  # without one it is a file that is judged
+            self.needs.refuse_what_only_files_tell()
 
     def law_of(self, mechanism: Mechanism) -> StopLaw:
         """The law of a mechanism's stops: the one asked for, else its problem's, else release-once."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 
 import pytest
 import trebucheck as tb
@@ -107,10 +108,20 @@ def test_laws_of_the_other_knobs(engine: str, knob: str) -> None:
     ids=["tip", "no gravity, no marker"],
 )
 def test_the_order_is_found_of_any_mechanism(mechanism: tb.Mechanism, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without a launch, without stops; MuJoCo's Runge-Kutta is of a higher order than these."""
+    """Without a launch, without stops."""
     monkeypatch.setattr(studying, "_STEPS", tuple(8e-3 / 2**k for k in range(5)))
     study = runs.Study([mechanism], ["pymunk", "exudyn"], until=1.0, isolate=False)
     for found in converge(study, ["timestep"]).machines[0].studies:
         assert [curve.quantity for curve in found.curves] == ["position"]
         law = found.curve("position").law
         assert law is not None and law.exponent == pytest.approx(ORDER, abs=WITHIN), found.label
+
+
+def test_a_high_order_is_looked_for_at_coarser_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """MuJoCo's Runge-Kutta is at the reference's uncertainty with most of the steps that others are measured at."""
+    monkeypatch.setattr(studying, "_STEPS", tuple(1e-2 / 2**k for k in range(4)))
+    study = runs.Study(["pendulum"], ["mujoco"], until=1.0, isolate=False)
+    found = converge(study, ["timestep"]).machines[0].studies[0]
+    law = found.curve("position").law
+    assert law is not None and law.exponent == pytest.approx(4.0, abs=WITHIN)
+    assert all(coarse.value > fine.value for coarse, fine in pairwise(found.points))

@@ -95,8 +95,10 @@ def test_what_did_not_run_is_said_in_its_own_words_and_is_never_green() -> None:
 def test_a_measured_order_is_shown_and_a_declared_one_is_said_to_be_so() -> None:
     order = MeasuredOrder(engine="a", preset="tuned", problem="swing", exponent=3.98, half_width=0.03)
     flat = MeasuredOrder(engine="d", preset="tuned", problem="swing", exponent=None)
-    runs = (_run("a", 1e-9), _run("b", 1e-9), _run("c", 1e-9, order=None), _run("d", 1e-9))
-    text = _text(_matrix(*runs, orders=(order, flat)))
+    soft = MeasuredOrder(engine="e", preset="tuned", problem="swing", exponent=None, floor=3e-4, floor_cause="stops")
+    runs = (_run("a", 1e-9), _run("b", 1e-9), _run("c", 1e-9, order=None), _run("d", 1e-9), _run("e", 1e-9))
+    text = _text(_matrix(*runs, orders=(order, flat, soft)))
+    assert "| none: floor 3.0e-4 m (swing) |" in _line(text, "e tuned")
     assert "| none (swing) |" in _line(text, "d tuned")
     assert "3.980 ± 0.030 (swing)" in _line(text, "a tuned")
     assert "4 (declared)" in _line(text, "b tuned") and "none (declared)" in _line(text, "c tuned")
