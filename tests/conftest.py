@@ -45,7 +45,9 @@ def _param(name: str) -> object:
 ABSENT = tuple(name for name in ("mujoco", "pymunk", "exudyn") if not engine_class(name).is_installed())
 """Engines of this package whose library is not here."""
 _ASKED_FOR: set[str] = set()
-"""Those of them that the module of the moment has asked for, in a test or in a fixture of several."""
+"""Those of them that the test, or the fixture, of the moment has asked for."""
+_NEEDED_BY: dict[object, set[str]] = {}
+"""Those that each fixture has asked for when it was made; it may be used by many tests after that."""
 
 
 def _asked(name: str) -> Callable[..., bool]:
@@ -59,22 +61,35 @@ for absent in ABSENT:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Generator[None, Any, Any]:
-    """A test that needs an engine that is not here is skipped, with that reason, instead of failing."""
+def pytest_fixture_setup(fixturedef: pytest.FixtureDef[Any]) -> Generator[None, Any, Any]:
+    """Note what a fixture has asked for."""
+    before = set(_ASKED_FOR)
+    _ASKED_FOR.clear()
+    try:
+        return (yield)
+    finally:
+        _NEEDED_BY.setdefault(fixturedef, set()).update(_ASKED_FOR)
+        _ASKED_FOR.update(before)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Function, call: pytest.CallInfo[None]) -> Generator[None, Any, Any]:
+    """A test that fails without an engine that it has asked for is skipped, with that reason; no other one is."""
     report = yield
     error = call.excinfo.value if call.excinfo else None
     lacking = str(getattr(error, "name", "")).partition(".")[0] if isinstance(error, ImportError) else ""
-    _ASKED_FOR.update(name for name in ABSENT if name == lacking or _NOT_HERE % name in str(error))
-    if report.failed and _ASKED_FOR:
-        report.outcome, reason = "skipped", f"it needs {', '.join(sorted(_ASKED_FOR))}, which is not installed here"
+    needed = {*_ASKED_FOR, *(name for name in ABSENT if name == lacking or _NOT_HERE % name in str(error))}
+    for definitions in item._fixtureinfo.name2fixturedefs.values():
+        needed.update(*(_NEEDED_BY.get(definition, ()) for definition in definitions))
+    if report.failed and needed:
+        report.outcome, reason = "skipped", f"it needs {', '.join(sorted(needed))}, which is not installed here"
         report.longrepr = str(item.path), (item.location[1] or 0) + 1, f"Skipped: {reason}"
     return report
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
-    if nextitem is None or nextitem.path != item.path:
-        _ASKED_FOR.clear()
+def pytest_runtest_setup() -> None:
+    _ASKED_FOR.clear()
 
 
 @pytest.fixture(params=[tb.fixed, tb.rolling], ids=["fixed", "rolling"])

@@ -17,6 +17,9 @@ from trebucheck.models.mechanism import Mechanism
 from .build import Built
 from .read import Reader
 
+_LEAST = 0.125
+"""Least part of a step of a mechanism with loops that error control goes down to."""
+
 
 class Model:
     """Drake's forward dynamics, in a context of its own."""
@@ -93,6 +96,8 @@ class Motion(ConstrainedDynamics):
             integration_scheme=integrator, max_step_size=timestep, accuracy=accuracy, use_error_control=True
         )
         ApplySimulatorConfig(config, self.simulator)
+        if self.loops:  # at a singular position no step is small enough: it has to be stepped over
+            self.simulator.get_mutable_integrator().set_throw_on_minimum_step_size_violation(False)
         self.state_context: Any = plant.GetMyMutableContextFromRoot(self.simulator.get_mutable_context())
 
     def forces(self, q: FloatArray, u: FloatArray, held: Contacts) -> FloatArray:
@@ -109,7 +114,10 @@ class Motion(ConstrainedDynamics):
         context.SetTime(0.0)
         plant.SetPositions(self.state_context, built.in_order(to.positions(state[0]), built.positions))
         plant.SetVelocities(self.state_context, built.in_order(to.speeds(state[1]), built.speeds))
-        self.simulator.get_mutable_integrator().request_initial_step_size_target(min(step, self.timestep))
+        integrator: Any = self.simulator.get_mutable_integrator()
+        integrator.request_initial_step_size_target(min(step, self.timestep))
+        if self.loops:
+            integrator.set_requested_minimum_step_size(_LEAST * step)
         self.simulator.Initialize()
         self.simulator.AdvanceTo(step)
         after = built.coordinates_of(plant.get_state_output_port().Eval(self.state_context))
