@@ -330,6 +330,18 @@ def _whole(trial: Trial, quantity: QuantityName) -> float | None:
     return trial.position if quantity == "position" else trial.torque
 
 
+def _position(trial: Trial) -> float | None:
+    """Largest error at any sample or at the end [m].
+
+    The end lies between two samples of a coarse step, and a growing error is largest there. What gives the reference
+    back is not interpolated.
+    """
+    sampled = trial.position
+    if not sampled or trial.deviation is None:
+        return sampled
+    return max(sampled, float(np.linalg.norm(trial.deviation.position[..., -1], axis=-1).max()))
+
+
 def _point(
     value: float, parameter: SweptParameter, trial: Trial | None, message: str | None, without: Trial | None
 ) -> Point:
@@ -340,7 +352,7 @@ def _point(
     return Point(
         value=value,
         options=options,
-        position=trial.position,
+        position=_position(trial),
         torque=trial.torque,
         own_position=None if base is None else largest(trial.deviation.position - base.position),
         own_torque=None if base is None else _largest(_torques(trial.deviation) - _torques(base)),

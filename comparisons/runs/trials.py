@@ -12,7 +12,6 @@ interpolated by cubic splines; torques, which have kinks in their slope, linearl
 
 from __future__ import annotations
 
-import math
 from contextlib import suppress
 from threading import Lock
 from typing import Annotated
@@ -184,14 +183,8 @@ class Trial(Spec):
 
     @property
     def position(self) -> float | None:
-        """Largest distance of any point of :func:`points` from the reference, at any sample or at the end [m].
-
-        The end lies between two samples of a coarse step, and a growing error is largest there.
-        """
-        sampled, curves = self._largest("position_max"), self.deviation.positions if self.deviation else {}
-        if sampled is None or not curves:
-            return sampled
-        return max(sampled, *(math.hypot(x[-1], y[-1]) for x, y in curves.values()))
+        """Largest distance of any point of :func:`points` from the reference [m]."""
+        return self._largest("position_max")
 
     @property
     def torque(self) -> float | None:
