@@ -39,7 +39,9 @@ _BEYOND, _FAR = 2.2, 50.0  # of the steps to the position, for the shortest; if 
 _BACK = 2  # steps before the last good one at which a leap begins: the last ones were near the position as well
 _LEAP_ITERATIONS = 200
 # Redundant joints contradict each other by the drift of the positions, of the order of the truncation error, and no
-# iteration gets below that. Just above it iterations end, with multipliers that spoil the steps after.
+# iteration gets below that. Just above it iterations end, with multipliers that spoil the steps after. So the drift is
+# taken away, unless it was so a short time before: to begin anew costs as much as some sixty steps.
+_SOON = 64  # steps
 _CONTRADICTION = 1e-5  # [N, m/s] residual that is small enough once a step has failed whose joints are redundant
 _JUMP = 0.2  # of the largest rotational speed: a leap that changes one more has gone to another branch
 Monitor = Callable[[float], bool]
@@ -154,8 +156,8 @@ class Solver:
         """Table of all sensors at the start and after each step, shape (n, columns).
 
         A step that ends too near to a singular position of a loop fails; a longer one over the position takes its
-        place, unless Exudyn is to shorten steps by itself. Where joints are redundant, a larger residual is small
-        enough from then on, before that is tried.
+        place, unless Exudyn is to shorten steps by itself. Where joints are redundant, their drift is taken away first;
+        if a step fails soon after that, a larger residual is small enough from then on.
 
         Args:
             state: where to start.
@@ -170,14 +172,18 @@ class Solver:
         step = (end - state.t) / steps
         self._conditioning = self._watched(active)
         table, outcome = self._equal_steps(state, active, end, steps, monitor)
-        failed = -np.inf
+        failed = closed = -np.inf
         while outcome in (_Outcome.FAILED, _Outcome.INTERRUPTED):
             if outcome is _Outcome.INTERRUPTED:
                 table, outcome = self._onwards(table, step, end, monitor)
                 continue
             if self._redundant and self._residual < _CONTRADICTION:
-                self._residual = _CONTRADICTION
-                table, outcome = self._onwards(table, step, end, monitor)
+                without = (
+                    self._without_drift(table) if self._conditioning and table[-1, 0] > closed + _SOON * step else None
+                )
+                closed = float(table[-1, 0])
+                self._residual = self._residual if without else _CONTRADICTION
+                table, outcome = self._onwards(table, step, end, monitor, without)
                 continue
             if table[-1, 0] <= failed:
                 self._give_up(table, end)
@@ -248,11 +254,11 @@ class Solver:
         return self._onwards(table, step, end, monitor)
 
     def _onwards(
-        self, table: FloatArray, step: float, end: float, monitor: Monitor | None
+        self, table: FloatArray, step: float, end: float, monitor: Monitor | None, now: State | None = None
     ) -> tuple[FloatArray, _Outcome]:
-        """A table and equal steps after it."""
+        """A table and equal steps after it, from `now` or the state at its end."""
         nears = self._conditioning is not None and self._conditioning.is_due and self._conditioning.has_neared
-        now = self._without_drift(table) if nears else self.state(table, -1)
+        now = now or (self._without_drift(table) if nears else self.state(table, -1))
         rest, outcome = self._equal_steps(now, self.system.active, end, max(1, round((end - now.t) / step)), monitor)
         return np.concatenate([table[:-1], rest]), outcome
 
