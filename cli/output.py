@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shlex
+import sys
+import time
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
     from ..comparisons.runs.study import Progress
 
 _EVER = 1e9  # [s]
+_BETWEEN = 30.0
+"""[s] between two lines of progress where there is no terminal."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,8 @@ ALL = Told()
 def progress(what: str = "reference", width: int = 40, told: Told = ALL) -> Generator[Progress]:
     """A bar on standard error, where that is a terminal, with the time left as it follows from what is done.
 
+    Elsewhere, as in CI, a line now and then, once the work has gone on for that long.
+
     Args:
         what: comes first, before any part has begun.
         width: of the part's name, in characters.
@@ -49,11 +55,26 @@ def progress(what: str = "reference", width: int = 40, told: Told = ALL) -> Gene
     to = progress_console()
     name, left = TextColumn(f"{{task.description:<{min(width, to.width // 2)}}}"), TextColumn("left")
     columns = (name, BarColumn(20), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(), left)
-    hidden = told.quiet or not to.is_terminal
+    if not (told.quiet or to.is_terminal):
+        yield _lines(what)
+        return
     # The estimate looks back on everything done: parts are few, and some take many times as long as others.
-    with Bar(*columns, console=to, transient=True, disable=hidden, speed_estimate_period=_EVER) as bar:
+    with Bar(*columns, console=to, transient=True, disable=told.quiet, speed_estimate_period=_EVER) as bar:
         task = bar.add_task(what, total=None)
         yield lambda part, done, of: bar.update(task, description=part, completed=done, total=of)
+
+
+def _lines(what: str) -> Progress:
+    """Progress for a log: not a line a part, which may be many."""
+    due = time.monotonic() + _BETWEEN
+
+    def show(part: str, done: int, of: int) -> None:
+        nonlocal due
+        if time.monotonic() >= due:
+            due = time.monotonic() + _BETWEEN
+            print(f"{done} of {of}: {part or what}", file=sys.stderr, flush=True)
+
+    return show
 
 
 def publish(

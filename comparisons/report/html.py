@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from jinja2 import Environment, StrictUndefined, Template
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from ...models.arrays import FloatArray
 from ...models.drawing import animation
@@ -195,6 +195,15 @@ def _animated(block: Animation) -> Markup:
 
 
 @cache
+def _with_code(text: object) -> Markup:
+    """What stands between backquotes is code."""
+    parts = str(text).split("`")
+    if len(parts) % 2 == 0:  # one is left over: they mean something else
+        return escape(text)
+    marked = (Markup("<code>{}</code>").format(part) if k % 2 else escape(part) for k, part in enumerate(parts))
+    return Markup("").join(marked)
+
+
 def _asset(name: str) -> Markup:
     return Markup(files(__package__ or "").joinpath("assets", name).read_text(encoding="utf-8"))
 
@@ -202,5 +211,6 @@ def _asset(name: str) -> Markup:
 @cache
 def _template() -> Template:
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["with_code"] = _with_code
     text = files(__package__ or "").joinpath("templates/page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(text)

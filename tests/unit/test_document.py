@@ -99,6 +99,12 @@ def test_texts_of_any_block_are_text(text: str) -> None:
     assert styled in _terminal(*blocks, width=200)
 
 
+def test_what_stands_between_backquotes_is_code_on_a_page() -> None:
+    shown = _page(Text("run `a <b>` and `c`"), table("what", [("`d`",)]), Text("one ` alone"))
+    assert "run <code>a &lt;b&gt;</code> and <code>c</code>" in shown and "<code>d</code>" in shown
+    assert "one ` alone" in shown
+
+
 def test_what_is_for_one_medium_is_not_in_the_other() -> None:
     blocks = (
         page_only(Text("on a page")),

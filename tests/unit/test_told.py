@@ -9,6 +9,7 @@ import subprocess
 import sys
 from io import StringIO
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import trebucheck as tb
@@ -80,6 +81,19 @@ def test_progress_has_the_time_left_on_standard_error(monkeypatch: pytest.Monkey
         assert task.completed == 3 and task.total == 8
     said = screen.getvalue()
     assert "part 3" in said and "3/8" in said and "left" in said
+
+
+def test_progress_without_a_terminal_is_a_line_now_and_then(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A log of CI tells that the work goes on; what is soon done prints nothing."""
+    clock = iter(range(0, 1000, 10))
+    monkeypatch.setattr(output, "time", SimpleNamespace(monotonic=lambda: float(next(clock))))
+    with output.progress("reference") as show:
+        for done in range(8):
+            show(f"part {done}", done, 8)
+    captured = capsys.readouterr()
+    assert captured.out == "" and captured.err.splitlines() == ["2 of 8: part 2", "5 of 8: part 5"]
 
 
 def test_quiet_has_no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
