@@ -149,6 +149,8 @@ def resolve_impact(
     impulses = solve_lcp(matrix, (1.0 + restitution) * (rows @ u))
     if impulses is None:
         impulses = solve_lcp(matrix, rows @ u)
+    if impulses is None:  # the rounding of two that stand against each other at rest contradicts itself
+        impulses = solve_lcp(matrix, np.where(np.abs(rows @ u) <= _AT_REST, 0.0, rows @ u))
     if impulses is None:
         raise SimulationError(f"the impact of the stops {', '.join(touching)} has no solution: they jam.")
     after = u + equations.response(q, rows.T @ impulses)

@@ -10,6 +10,7 @@ import pytest
 import trebucheck as tb
 from conftest import machine_parameters
 from hypothesis import given, settings
+from random_mechanisms import random_mechanism
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
@@ -231,3 +232,10 @@ def test_a_small_kick_against_the_rests_changes_little(
     # Linear in the kick: at most two seconds of launch time per rad/s and thirty m/s of speed, on either machine.
     assert abs(kicked.launch.time - plain.launch.time) < 2.0 * abs(kick)
     assert abs(kicked.launch.speed - plain.launch.speed) < 30.0 * abs(kick)
+
+
+def test_stops_that_stand_against_each_other_do_not_jam_by_rounding() -> None:
+    """Two stops hold a body from both sides; both seem to be approached, by a rounding, and no speeds undo both."""
+    found = _unilateral(random_mechanism(257), 1.0)
+    assert found.problem.duration == 1.0
+    assert all(abs(impulse) < 1e-12 for _, impulses in found.impacts for impulse in impulses.values())
