@@ -200,7 +200,7 @@ def fitting(step: float, end: float, events: Sequence[float], longest: float = m
         longest: that an engine runs [s].
     """
     candidates = step * np.linspace(1.0 - _NEAR, 1.0 + _NEAR, _CANDIDATES)
-    durations = np.minimum(end + np.maximum(TAIL, TAIL_STEPS * candidates), longest)
+    durations = np.minimum(end + np.maximum(TAIL, TAIL_STEPS * candidates), np.maximum(longest - candidates, end))
     left = [(durations - start) / candidates for start in (0.0, *events)]
     shortened = np.max([(np.ceil(n - 1e-9) - n) / n for n in left], axis=0)
     return float(candidates[int(np.argmin(shortened))])

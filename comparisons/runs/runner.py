@@ -5,6 +5,7 @@ The reference runs where the engines do, under the same limit of time: in a proc
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import lru_cache, partial
 from threading import RLock
@@ -44,9 +45,13 @@ TAIL_STEPS, TAIL = 20, 0.02  # an engine runs on past the end of what is compare
 _GRIDS, _LONGEST_GRID = 3, 30_000
 
 
-def run_duration(end: float, step: float) -> float:
-    """How long an engine runs [s] if its motion is compared up to `end` [s] and its time step is `step` [s]."""
-    return end + max(TAIL, TAIL_STEPS * step)
+def run_duration(end: float, step: float, longest: float = math.inf) -> float:
+    """How long an engine runs [s] if its motion is compared up to `end` [s] and its time step is `step` [s].
+
+    Args:
+        longest: that the reference goes on to [s]; an engine of whole steps may need one more than it is asked for.
+    """
+    return min(end + max(TAIL, TAIL_STEPS * step), max(longest - step, end))
 
 
 def failure(error: Exception) -> tuple[Outcome, str]:
@@ -188,7 +193,7 @@ class Runner:
         Args:
             given: a mechanism instead of the runner's.
         """
-        duration = min(run_duration(self.end, engine.timestep or 0.0), self.solution.problem.duration)
+        duration = run_duration(self.end, engine.timestep or 0.0, self.solution.problem.duration)
         return Problem(given or self.mechanism, duration=duration, stop_law=self.law)
 
     def simulate(self, engine: Engine, given: Mechanism | None = None) -> Trajectory:
