@@ -398,6 +398,7 @@ def test_animate_writes_a_problem_s_motion_and_that_of_files(
 
 
 def test_view_without_a_display_is_one_sentence(monkeypatch: pytest.MonkeyPatch, refused: Callable[..., str]) -> None:
+    pytest.importorskip("mujoco")  # whose viewer it is
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr("sys.platform", "linux")

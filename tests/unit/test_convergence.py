@@ -376,7 +376,8 @@ def test_the_data_keep_to_the_published_schema(studies: Studies) -> None:
     ],
 )
 def test_wrong_input_gets_a_sentence(arguments: list[str], complaint: str, refused: Callable[..., str]) -> None:
-    for engine in {"mujoco", "pymunk"}.intersection(arguments):
+    of_options = {argument.partition(".")[0] for argument in arguments if "knob" in complaint}
+    for engine in {"mujoco", "pymunk"}.intersection({*arguments, *of_options}):
         pytest.importorskip(engine)
     assert complaint in refused("converge", *arguments)
 

@@ -196,6 +196,7 @@ def test_the_distance_is_the_largest_up_to_the_end(until: float) -> None:
 
 
 def test_run_says_how_far_it_is_from_the_reference(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("pymunk")
     arguments = ["run", "--engine", "pymunk", "--duration", "0.3", "--out", str(tmp_path / "own.nc")]
     said = " ".join(_said(arguments, capsys).split())
     assert re.search(r"from the reference \d\.\de-\d+ m \(\w+ at [\d.]+ s; compared to 0\.3 s\)", said)
