@@ -194,7 +194,6 @@ def _animated(block: Animation) -> Markup:
     return animation.Animation(scenes, block.title).fragment(block.anchor)
 
 
-@cache
 def _with_code(text: object) -> Markup:
     """What stands between backquotes is code."""
     parts = str(text).split("`")
@@ -204,6 +203,7 @@ def _with_code(text: object) -> Markup:
     return Markup("").join(marked)
 
 
+@cache
 def _asset(name: str) -> Markup:
     return Markup(files(__package__ or "").joinpath("assets", name).read_text(encoding="utf-8"))
 
