@@ -146,11 +146,10 @@ def resolve_impact(
     """
     rows = gap_jacobian(equations, q, touching)
     matrix, _ = _delassus(equations, q, u, touching)
-    impulses = solve_lcp(matrix, (1.0 + restitution) * (rows @ u))
-    if impulses is None:
-        impulses = solve_lcp(matrix, rows @ u)
-    if impulses is None:  # the rounding of two that stand against each other at rest contradicts itself
-        impulses = solve_lcp(matrix, np.where(np.abs(rows @ u) <= _AT_REST, 0.0, rows @ u))
+    approach = rows @ u
+    # Where none rebounds, the rounding of two that stand against each other at rest may still contradict itself.
+    demands = ((1.0 + restitution) * approach, approach, np.where(np.abs(approach) <= _AT_REST, 0.0, approach))
+    impulses = next((found for demand in demands if (found := solve_lcp(matrix, demand)) is not None), None)
     if impulses is None:
         raise SimulationError(f"the impact of the stops {', '.join(touching)} has no solution: they jam.")
     after = u + equations.response(q, rows.T @ impulses)

@@ -18,7 +18,7 @@ from scipy import stats
 from scipy.optimize import brentq
 
 from ...models.arrays import FloatArray
-from ..runs.runner import TAIL, TAIL_STEPS
+from ..runs.runner import run_duration
 from .results import PowerLaw
 
 CONFIDENCE = 0.95
@@ -197,10 +197,10 @@ def fitting(step: float, end: float, events: Sequence[float], longest: float = m
         step: asked for [s].
         end: of the compared motion [s].
         events: times of the reference's releases [s].
-        longest: that an engine runs [s].
+        longest: that the reference goes on to [s].
     """
     candidates = step * np.linspace(1.0 - _NEAR, 1.0 + _NEAR, _CANDIDATES)
-    durations = np.minimum(end + np.maximum(TAIL, TAIL_STEPS * candidates), np.maximum(longest - candidates, end))
+    durations = np.array([run_duration(end, float(candidate), longest) for candidate in candidates])
     left = [(durations - start) / candidates for start in (0.0, *events)]
     shortened = np.max([(np.ceil(n - 1e-9) - n) / n for n in left], axis=0)
     return float(candidates[int(np.argmin(shortened))])

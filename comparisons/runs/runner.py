@@ -39,7 +39,7 @@ from .worker import Worker
 
 _Result = TypeVar("_Result")
 
-TAIL_STEPS, TAIL = 20, 0.02  # an engine runs on past the end of what is compared, so that its launch can be found
+_TAIL_STEPS, _TAIL = 20, 0.02  # an engine runs on past the end of what is compared, so that its launch can be found
 # Time grids on which the reference is kept: runs of one step and engine share theirs. The longest takes some 10 MB;
 # longer ones belong to runs beside which the reference is cheap.
 _GRIDS, _LONGEST_GRID = 3, 30_000
@@ -51,7 +51,7 @@ def run_duration(end: float, step: float, longest: float = math.inf) -> float:
     Args:
         longest: that the reference goes on to [s]; an engine of whole steps may need one more than it is asked for.
     """
-    return min(end + max(TAIL, TAIL_STEPS * step), max(longest - step, end))
+    return min(end + max(_TAIL, _TAIL_STEPS * step), max(longest - step, end))
 
 
 def failure(error: Exception) -> tuple[Outcome, str]:
