@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import plugins
 import trebucheck as tb
 import wrong_engines
 from random_mechanisms import random_mechanism
@@ -583,10 +584,7 @@ _CURRENT: list[str] = []
 
 def announce(folder: Path) -> None:
     """Write the metadata of an installed distribution that brings the engine."""
-    info = folder / "trebucheck_strangers-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: trebucheck-strangers\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[trebucheck.engines]\nstranger = adapter_mistakes:Stranger\n")
+    plugins.announce(folder, "trebucheck-strangers", "[trebucheck.engines]\nstranger = adapter_mistakes:Stranger\n")
 
 
 def problem(name: str) -> tuple[tb.Mechanism, dict[str, Any]]:

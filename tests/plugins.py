@@ -25,12 +25,12 @@ second = plugins:Second
 """
 
 
-def announce(folder: Path) -> None:
-    """Write the metadata of an installed distribution that brings these engines."""
-    info = folder / "trebucheck_test_plugins-1.0.dist-info"
+def announce(folder: Path, name: str = "trebucheck-test-plugins", entry_points: str = ENTRY_POINTS) -> None:
+    """Write the metadata of an installed distribution that brings engines, by default these."""
+    info = folder / f"{name.replace('-', '_')}-1.0.dist-info"
     info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: trebucheck-test-plugins\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(ENTRY_POINTS)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(entry_points)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+import plugins
 import trebucheck as tb
 from plugins import Plain
 from trebucheck.models.trajectory import PointMotion
@@ -194,8 +195,5 @@ globals().update({cls.__name__: cls for cls in WRONG.values()})
 
 def announce(folder: Path) -> None:
     """Write the metadata of an installed distribution that brings these engines."""
-    info = folder / "trebucheck_wrong_engines-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: trebucheck-wrong-engines\nVersion: 1.0\n")
     points = [f"{cls.name} = wrong_engines:{cls.__name__}" for cls in (Honest, Bilateral, *WRONG.values())]
-    (info / "entry_points.txt").write_text("\n".join(["[trebucheck.engines]", *points, ""]))
+    plugins.announce(folder, "trebucheck-wrong-engines", "\n".join(["[trebucheck.engines]", *points, ""]))
