@@ -9,6 +9,7 @@ from .errors import UnsupportedProblemError
 from .force_elements import ConstantForce, ConstantTorque, RotationalSpringDamper, SpringDamper
 from .joints import GROUND, FreeJoint, PrismaticJoint, SlotJoint, WeldJoint
 from .mechanism import Mechanism
+from .problem import StopLaw
 from .stops import Stop
 
 
@@ -69,23 +70,33 @@ def features_of(mechanism: Mechanism) -> dict[Feature, tuple[str, ...]]:
 
 
 def missing_elements(
-    mechanism: Mechanism, known: Collection[Feature], lacking: Collection[Basic] = ()
+    mechanism: Mechanism,
+    known: Collection[Feature],
+    lacking: Collection[Basic] = (),
+    law: StopLaw = StopLaw.UNILATERAL,
 ) -> dict[Feature | Basic, tuple[str, ...]]:
     """What a mechanism needs and a solver does not have, and the names of its elements of each.
 
     Args:
         known: features that the solver has.
         lacking: elements of every solver that this one lacks.
+        law: of the stops; under the release-once law none is met, and a restitution is nothing to be followed.
     """
     missing: dict[Feature | Basic, tuple[str, ...]] = {
         feature: names for feature, names in features_of(mechanism).items() if feature not in known
     }
     basics = {basic: tuple(_BASICS[basic](mechanism)) for basic in Basic if basic in lacking}
+    if law is StopLaw.RELEASE_ONCE:
+        basics.pop(Basic.REBOUND, None)
     return missing | {basic: names for basic, names in basics.items() if names}
 
 
 def refuse_features(
-    mechanism: Mechanism, known: Collection[Feature], who: str, lacking: Collection[Basic] = ()
+    mechanism: Mechanism,
+    known: Collection[Feature],
+    who: str,
+    lacking: Collection[Basic] = (),
+    law: StopLaw = StopLaw.UNILATERAL,
 ) -> None:
     """Refuse a mechanism with elements that a solver does not have.
 
@@ -93,11 +104,12 @@ def refuse_features(
         known: features that the solver has.
         who: the solver, as the sentence begins.
         lacking: elements of every solver that this one lacks.
+        law: of the stops.
 
     Raises:
         UnsupportedProblemError: the sentence names the elements.
     """
-    missing = missing_elements(mechanism, known, lacking)
+    missing = missing_elements(mechanism, known, lacking, law)
     if missing:
         texts = [f"{feature} ({', '.join(repr(name) for name in names)})" for feature, names in missing.items()]
         raise UnsupportedProblemError(f"{who} cannot move {mechanism.name!r}: it has no {' and no '.join(texts)}.")

@@ -13,7 +13,7 @@ import numpy as np
 from .arrays import ComplexArray, FloatArray, as_vectors
 from .joints import GROUND
 from .mechanism import Marker, Mechanism
-from .phasors import Phasors, PointCoefficients
+from .phasors import Phasors, PointCoefficients, weighted
 from .scalar_functions import AngleFunction, LineFunction, PointFunction, ScalarFunction
 from .spec import Vector, as_complex
 from .stops import PointStop
@@ -106,8 +106,7 @@ class Kinematics(Phasors):
 
     def acceleration(self, row: PointCoefficients, q: FloatArray, u: FloatArray, a: FloatArray) -> FloatArray:
         """World acceleration [m/s^2] for generalized accelerations a, shape (..., 2)."""
-        rates = self.rates(q)
-        return as_vectors((self.flow(q, a, rates) + self.curvature(q, u, rates)) @ row.coefficients)
+        return as_vectors(weighted(self.second_flow(q, u, a), row.coefficients))
 
     def point_motion(
         self, marker: Marker, q: FloatArray, u: FloatArray, a: FloatArray
@@ -138,7 +137,7 @@ class Kinematics(Phasors):
 
     def momentum(self, q: FloatArray, u: FloatArray) -> FloatArray:
         """Linear momentum of all bodies [kg m/s], shape (..., 2)."""
-        return as_vectors(self.flow(q, u, self.rates(q)) @ (self.masses @ self.centres))
+        return as_vectors(weighted(self.flow(q, u, self.rates(q)), self.masses @ self.centres))
 
     def kinetic_energy(self, q: FloatArray, u: FloatArray) -> FloatArray:
         """Kinetic energy [J], shape (...,)."""

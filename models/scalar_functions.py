@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .arrays import ComplexArray, FloatArray
-from .phasors import Phasors, PointCoefficients
+from .phasors import Phasors, PointCoefficients, weighted
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class PointFunction:
 
     def bias(self, q: FloatArray, u: FloatArray, curvature: ComplexArray) -> FloatArray:
         """d/dt(Jacobian) u, shape (...,)."""
-        return (curvature @ self.coefficients).real
+        return weighted(curvature, self.coefficients).real
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class LineFunction:
     def bias(self, q: FloatArray, u: FloatArray, curvature: ComplexArray) -> FloatArray:
         """d/dt(Jacobian) u, shape (...,)."""
         phasors, spin = self.phasors, u[..., self.body]
-        apparent = curvature @ self.vector.coefficients + 2j * spin * phasors.rate(self.vector, q, u)
+        apparent = weighted(curvature, self.vector.coefficients) + 2j * spin * phasors.rate(self.vector, q, u)
         apparent -= spin**2 * phasors.vector(self.vector, q)
         return (self._turned(q) * apparent).real
 

@@ -28,6 +28,35 @@ _LARGEST = 1e100
 
 
 @dataclass(frozen=True)
+class Added:
+    """Forces c - S (q - q0) - D u - r M u beside those of the mechanism, with its mass matrix M."""
+
+    constant: FloatArray
+    """c, shape (n_q,)."""
+    stiffness: FloatArray
+    """S, symmetric, shape (n_q, n_q)."""
+    relaxed: FloatArray
+    """q0, shape (n_q,)."""
+    damping: FloatArray
+    """D, shape (n_q, n_q)."""
+    rate: float = 0.0
+    """r [1/s]."""
+    centrifugal: bool = True
+    """Whether the mechanism's own velocity-dependent forces act."""
+
+    @classmethod
+    def none(cls, n_q: int) -> Added:
+        """Nothing beside them."""
+        return cls(np.zeros(n_q), np.zeros((n_q, n_q)), np.zeros(n_q), np.zeros((n_q, n_q)))
+
+    @cached_property
+    def arrays(self) -> tuple[Any, ...]:
+        """As the kernel takes them."""
+        constant = self.constant + self.stiffness @ self.relaxed
+        return constant, self.stiffness, self.damping, float(self.rate), self.centrifugal
+
+
+@dataclass(frozen=True)
 class CompiledEquations:
     """The equations under one set of constraints, as arrays."""
 
@@ -42,6 +71,7 @@ class CompiledEquations:
     weights: ComplexArray
     """Conjugate of the weights W."""
     inertias: FloatArray
+    added: Added
     point_rows: ComplexArray
     """Of the constraints; zero for one on angles, shape (n_constraints, n_q)."""
     angle_rows: FloatArray
@@ -51,7 +81,7 @@ class CompiledEquations:
     def arrays(self) -> tuple[Any, ...]:
         """All arrays, in the order in which the kernel takes them."""
         matrices = self.products, self.weights, self.inertias
-        return self.angles, self.carried, *matrices, self.point_rows, self.angle_rows
+        return self.angles, self.carried, *matrices, self.added.arrays, self.point_rows, self.angle_rows
 
     def solve(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Accelerations and multipliers of states of shape (n_q,) or (n, n_q).
@@ -97,12 +127,14 @@ def is_available() -> bool:
 def compiled_equations(
     kinematics: Kinematics,
     matrices: tuple[ComplexArray, ComplexArray, FloatArray],
+    added: Added,
     functions: Sequence[ScalarFunction],
 ) -> CompiledEquations | None:
     """The compiled equations; None where Numba is absent, the mechanism is too large or a constraint of another kind.
 
     Args:
         matrices: K, W and the inertias of :mod:`.equations`.
+        added: forces that a fault adds.
         functions: of the constraints, which must be independent.
     """
     n_q, n_c = len(kinematics.is_angle), len(functions)
@@ -128,6 +160,7 @@ def compiled_equations(
         np.ascontiguousarray(products),
         weights.conj(),
         inertias,
+        added,
         points,
         angles,
     )

@@ -36,7 +36,7 @@ from ..models.errors import SimulationError
 from ..models.kinematics import Kinematics, immovable_stops
 from ..models.mechanism import Mechanism
 from ..models.scalar_functions import AngleFunction, PointFunction, ScalarFunction
-from .compiled import CompiledEquations, compiled_equations, not_unique
+from .compiled import Added, CompiledEquations, compiled_equations, not_unique
 from .dependence import Basis, Scales, least_step, scales_of
 
 _ITERATIONS = 30  # from a slightly changed mechanism's start it takes three or four
@@ -183,16 +183,20 @@ class Equations:
         return self._constrained(mass, jacobian, forces, right)
 
     def compiled(self, q: FloatArray, closed: Sequence[str]) -> CompiledEquations | None:
-        """The compiled equations, where Numba has them; None for equations with a fault or with force elements."""
+        """The compiled equations, where Numba has them; None for those of another form or with force elements."""
         names = tuple(closed)
         if names not in self._compilations:
-            compiled = None
-            if type(self) is Equations and self._applied is None and self.basis(q, names) is None:
+            compiled, added = None, self._added()
+            if added is not None and self._applied is None and self.basis(q, names) is None:
                 functions = (*self.kinematics.loop_closures, *(self._gaps[name] for name in names))
                 matrices = self._products, self._weights, self._inertias
-                compiled = compiled_equations(self.kinematics, matrices, functions)
+                compiled = compiled_equations(self.kinematics, matrices, added, functions)
             self._compilations[names] = compiled
         return self._compilations[names]
+
+    def _added(self) -> Added | None:
+        """What these equations have beside a mechanism's own; None where they are of another form."""
+        return Added.none(len(self._angles)) if type(self) is Equations else None
 
     def response(self, q: FloatArray, force: FloatArray) -> FloatArray:
         """Accelerations (or speed jumps) that a generalized force (or impulse) alone causes, with the loop joints.

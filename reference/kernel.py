@@ -1,7 +1,7 @@
 """The kernel of :mod:`.compiled`, to be compiled by Numba: imported where that is installed, when first needed.
 
-It is written in loops over numbers, which take machine code no longer than operations on whole arrays. Its arguments
-are the fields of :class:`.compiled.CompiledEquations`.
+It is written in loops over numbers, which take machine code no longer than operations on whole arrays and Numba a
+third of the time to compile. Its arguments are the fields of :class:`.compiled.CompiledEquations`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,12 @@ def _compiled(function: Any) -> Any:
     return numba.njit(cache=True)(function)
 
 
-@_compiled
+def _inlined(function: Any) -> Any:
+    """Compiled as a part of those that call it, which takes half the time of compiling it by itself, too."""
+    return numba.njit(inline="always")(function)
+
+
+@_inlined
 def _fill_rates(q: Any, u: Any, angles: Any, carried: Any, rates: Any, curvature: Any) -> None:
     """Rates dw_k/dq_k and the second derivative of w without accelerations."""
     for i in range(len(q)):
@@ -29,14 +34,14 @@ def _fill_rates(q: Any, u: Any, angles: Any, carried: Any, rates: Any, curvature
         curvature[k] = -rates[k] * u[i] * (2j * u[k] + q[k] * u[i])
 
 
-@_compiled
+@_inlined
 def _add_carried(row: Any, q: Any, carried: Any) -> None:
     """Complete a gradient by what slides on turning lines add to it."""
     for k, i in carried:
         row[i] += row[k] * (-1j * q[k])
 
 
-@_compiled
+@_inlined
 def _fill_mass(matrix: Any, q: Any, carried: Any, products: Any, inertias: Any, rates: Any, moved: Any) -> None:
     """Re(J^H K J) + I, by way of K J."""
     n = len(q)
@@ -53,22 +58,37 @@ def _fill_mass(matrix: Any, q: Any, carried: Any, products: Any, inertias: Any, 
             matrix[i, j] = moved[i, j].real + inertias[i, j]
 
 
-@_compiled
-def _fill_forces(right: Any, q: Any, carried: Any, products: Any, weights: Any, rates: Any, curvature: Any) -> None:
-    """Q - b = Re(J^H (W - K dJ/dt u))."""
+@_inlined
+def _fill_forces(
+    right: Any, q: Any, carried: Any, products: Any, weights: Any, rates: Any, curvature: Any, centrifugal: bool
+) -> None:
+    """Q - b = Re(J^H (W - K dJ/dt u)), or Q alone."""
     n = len(q)
     row = np.empty(n, dtype=np.complex128)
     for i in range(n):
         total = weights[i]
-        for j in range(n):
-            total -= (products[i, j] * curvature[j]).conjugate()
+        if centrifugal:
+            for j in range(n):
+                total -= (products[i, j] * curvature[j]).conjugate()
         row[i] = total * rates[i]
     _add_carried(row, q, carried)
     for i in range(n):
         right[i] = row[i].real
 
 
-@_compiled
+@_inlined
+def _add_linear(
+    right: Any, matrix: Any, q: Any, u: Any, constant: Any, stiffness: Any, damping: Any, rate: Any
+) -> None:
+    """Add c - S q - (D + r M) u."""
+    for i in range(len(q)):
+        force = constant[i]
+        for j in range(len(q)):
+            force -= stiffness[i, j] * q[j] + (damping[i, j] + rate * matrix[i, j]) * u[j]
+        right[i] += force
+
+
+@_inlined
 def _fill_constraints(
     matrix: Any, right: Any, q: Any, carried: Any, point_rows: Any, angle_rows: Any, rates: Any, curvature: Any
 ) -> None:
@@ -89,7 +109,7 @@ def _fill_constraints(
             matrix[n + a, n + b] = 0.0
 
 
-@_compiled
+@_inlined
 def _pivoted(matrix: Any, right: Any, k: int) -> bool:
     """Bring the largest entry of a column to its diagonal; False if all are zero."""
     pivot = k
@@ -103,7 +123,7 @@ def _pivoted(matrix: Any, right: Any, k: int) -> bool:
     return matrix[k, k] != 0.0
 
 
-@_compiled
+@_inlined
 def _eliminate(matrix: Any, right: Any) -> bool:
     """Solve in place by Gauss' elimination with row pivoting; False if a pivot is zero."""
     n = len(right)
@@ -126,7 +146,8 @@ def _eliminate(matrix: Any, right: Any) -> bool:
 @_compiled
 def solve(positions: Any, speeds: Any, arrays: Any) -> Any:
     """Accelerations and multipliers of states, shape (n, n_q + n_constraints), and whether they are unique."""
-    angles, carried, products, weights, inertias, point_rows, angle_rows = arrays
+    angles, carried, products, weights, inertias, added, point_rows, angle_rows = arrays
+    constant, stiffness, damping, rate, centrifugal = added
     (n_states, n), m = positions.shape, len(point_rows)
     solution, matrix = np.empty((n_states, n + m)), np.empty((n + m, n + m))
     rates, curvature = np.empty(n, dtype=np.complex128), np.empty(n, dtype=np.complex128)
@@ -135,41 +156,61 @@ def solve(positions: Any, speeds: Any, arrays: Any) -> Any:
         q, right = positions[state], solution[state]
         _fill_rates(q, speeds[state], angles, carried, rates, curvature)
         _fill_mass(matrix, q, carried, products, inertias, rates, moved)
-        _fill_forces(right, q, carried, products, weights, rates, curvature)
+        _fill_forces(right, q, carried, products, weights, rates, curvature, centrifugal)
+        _add_linear(right, matrix, q, speeds[state], constant, stiffness, damping, rate)
         _fill_constraints(matrix, right, q, carried, point_rows, angle_rows, rates, curvature)
         regular = _eliminate(matrix, right) and regular
     return solution, regular
 
 
-@_compiled
-def _fill_stages(stages: Any, first: int, y: Any, h: float, coefficients: Any, arrays: Any) -> bool:
-    """Rates of the stages of a Runge-Kutta step from `first` on, each from those before it."""
-    n, regular = len(y) // 2, True
+@_inlined
+def _fill_stages(stages: Any, y: Any, h: float, coefficients: Any, arrays: Any) -> bool:
+    """Rates of the last stages of a Runge-Kutta step, a row of coefficients each, from those before them."""
+    n, regular, first = len(y) // 2, True, len(stages) - len(coefficients)
+    positions, speeds = np.empty((1, n)), np.empty((1, n))
     for s in range(first, first + len(coefficients)):
-        at = y.copy()
-        for k in range(s):
-            at += h * coefficients[s - first, k] * stages[k]
-        solution, unique = solve(at[:n].reshape(1, n), at[n:].reshape(1, n), arrays)
-        stages[s, :n], stages[s, n:] = at[n:], solution[0, :n]
+        for i in range(n):
+            positions[0, i] = _advanced(y, stages, i, h, coefficients[s - first], s)
+            speeds[0, i] = _advanced(y, stages, n + i, h, coefficients[s - first], s)
+        solution, unique = solve(positions, speeds, arrays)
+        for i in range(n):
+            stages[s, i], stages[s, n + i] = speeds[0, i], solution[0, i]
         regular = regular and unique
     return regular
+
+
+@_inlined
+def _advanced(y: Any, stages: Any, i: int, h: float, coefficients: Any, count: int) -> float:
+    """A component of the state, moved on by the first stages."""
+    value = y[i]
+    for k in range(count):
+        value += h * coefficients[k] * stages[k, i]
+    return value
+
+
+@_inlined
+def _weighted(weights: Any, stages: Any, i: int) -> float:
+    """A component of the weighted sum of stages."""
+    total = 0.0
+    for k in range(len(weights)):
+        total += weights[k] * stages[k, i]
+    return total
 
 
 @_compiled
 def step(y: Any, f: Any, h: float, tableau: Any, tolerance: Any, arrays: Any) -> Any:
     """One step of DOP853: its end, its stages, its error over the tolerance, and whether accelerations are unique."""
     matrix, error_5, error_3 = tableau
-    stages = np.empty((len(matrix), len(y)))
-    stages[0] = f
-    regular = _fill_stages(stages, 1, y, h, matrix[1:], arrays)
-    end = y.copy()
-    for k in range(matrix.shape[1]):
-        end += h * matrix[-1, k] * stages[k]
+    stages, end = np.empty((len(matrix), len(y))), np.empty(len(y))
+    for i in range(len(y)):
+        stages[0, i] = f[i]
+    regular = _fill_stages(stages, y, h, matrix[1:], arrays)
     fifth, third = 0.0, 0.0
     for i in range(len(y)):
+        end[i] = _advanced(y, stages, i, h, matrix[-1], matrix.shape[1])
         scale = tolerance[1] + tolerance[0] * max(abs(y[i]), abs(end[i]))
-        fifth += ((error_5 * stages[:, i]).sum() / scale) ** 2
-        third += ((error_3 * stages[:, i]).sum() / scale) ** 2
+        fifth += (_weighted(error_5, stages, i) / scale) ** 2
+        third += (_weighted(error_3, stages, i) / scale) ** 2
     error = 0.0
     if fifth > 0.0 or third > 0.0:
         error = abs(h) * fifth / np.sqrt((fifth + 0.01 * third) * len(y))
@@ -181,13 +222,17 @@ def dense_output(y: Any, end: Any, stages: Any, h: float, extra: Any, weights: A
     """Coefficients of DOP853's interpolant, shape (7, n_states), from three further stages."""
     first = len(stages)
     all_stages = np.empty((first + len(extra), len(y)))
-    all_stages[:first] = stages
-    _fill_stages(all_stages, first, y, h, extra, arrays)
-    coefficients = np.empty((3 + len(weights), len(y)))
-    moved = end - y
-    coefficients[0], coefficients[1] = moved, h * stages[0] - moved
-    coefficients[2] = 2.0 * moved - h * (stages[first - 1] + stages[0])
-    coefficients[3:] = h * np.dot(weights, all_stages)
+    for s in range(first):
+        for i in range(len(y)):
+            all_stages[s, i] = stages[s, i]
+    _fill_stages(all_stages, y, h, extra, arrays)
+    coefficients, further = np.empty((3 + len(weights), len(y))), np.dot(weights, all_stages)
+    for i in range(len(y)):
+        moved = end[i] - y[i]
+        coefficients[0, i], coefficients[1, i] = moved, h * stages[0, i] - moved
+        coefficients[2, i] = 2.0 * moved - h * (stages[first - 1, i] + stages[0, i])
+        for k in range(len(weights)):
+            coefficients[3 + k, i] = h * further[k, i]
     return coefficients
 
 
@@ -203,3 +248,18 @@ def interpolate(parts: Any, y: Any, coefficients: Any) -> Any:
                 value = (value + coefficients[len(coefficients) - 1 - k, i]) * factors[k % 2]
             values[i, j] = value + y[i]
     return values
+
+
+def _load() -> None:
+    """Load all of it from the disk, or compile it: a process that is forked afterwards need not."""
+    numbers, complexes, y = np.zeros((1, 1)), np.zeros((1, 1), dtype=np.complex128), np.zeros(2)
+    added = y[:1], numbers, numbers, 0.0, True
+    rows = np.zeros((0, 1), dtype=np.complex128), np.zeros((0, 1))
+    arrays = np.ones(1), np.zeros((0, 2), dtype=np.intp), complexes, complexes[0], np.ones((1, 1)), added, *rows
+    solve(numbers, numbers, arrays)
+    _, stages, _, _ = step(y, y, 1.0, (np.zeros((2, 1)), y, y), (1.0, 1.0), arrays)
+    coefficients = dense_output(y, y, stages, 1.0, np.zeros((1, 2)), np.zeros((1, 3)), arrays)
+    interpolate(y, y, coefficients)
+
+
+_load()

@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ..models.arrays import ComplexArray, FloatArray
 from ..models.errors import InputError
-from ..models.kinematics import initial_state
+from ..models.kinematics import Kinematics, initial_state
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
 from ..models.spec import as_complex
+from .compiled import Added
 from .equations import Equations
 from .solution import Segment, Solution
 from .solver import integrate_segment
@@ -25,14 +28,39 @@ TOLERANCE = 1e-12
 """Relative and absolute local error: a scheduled motion is compared with deviations that are far larger."""
 
 
-class WithoutCentrifugal(Equations):
-    """The equations with their centrifugal (and so all velocity-dependent) forces left out."""
+class _With(Equations):
+    """The equations with forces beside those of the mechanism: the compiled ones have them, too."""
+
+    def __init__(self, mechanism: Mechanism, **beside: Any) -> None:
+        super().__init__(mechanism)
+        self._beside = replace(Added.none(len(mechanism.coordinates)), **beside)
+
+    def _added(self) -> Added:
+        return self._beside
 
     def _bias(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
-        return np.zeros_like(u)
+        return super()._bias(q, u, rates, quadratic) if self._beside.centrifugal else np.zeros_like(u)
+
+    def _forces(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
+        added = self._beside
+        linear = added.constant - (q - added.relaxed) @ added.stiffness.T - u @ added.damping.T
+        momenta = (quadratic.real + self._inertias) @ u[..., None]
+        return super()._forces(q, u, rates, quadratic) + linear - added.rate * momenta[..., 0]
+
+    def potential_energy(self, q: FloatArray) -> FloatArray:
+        """With the energy of springs [J]."""
+        stretched = q - self._beside.relaxed
+        return super().potential_energy(q) + 0.5 * np.sum(stretched @ self._beside.stiffness * stretched, axis=-1)
 
 
-class WithJoint(Equations):
+class WithoutCentrifugal(_With):
+    """The equations with their centrifugal (and so all velocity-dependent) forces left out."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        super().__init__(mechanism, centrifugal=False)
+
+
+class WithJoint(_With):
     """The equations with an element on one joint, between its two bodies.
 
     Args:
@@ -53,27 +81,16 @@ class WithJoint(Equations):
         stiffness: float = 0.0,
         torque: float = 0.0,
     ) -> None:
-        super().__init__(mechanism)
         perturbed_joint = next(j for j in mechanism.joints if j.name == joint)
-        row = self.kinematics.angle(perturbed_joint.child, perturbed_joint.parent).coefficients
-        self._row, self._stiffness, self._torque = row, stiffness, torque
-        self._relaxed = float(row @ np.array(mechanism.start))
-        self._damping = damping * np.outer(row, row)
-        self._inertias = self._inertias + armature * np.outer(row, row)
-
-    def _bias(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
-        return super()._bias(q, u, rates, quadratic) + u @ self._damping
-
-    def _forces(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
-        torque = self._torque - self._stiffness * (q @ self._row - self._relaxed)
-        return super()._forces(q, u, rates, quadratic) + torque[..., None] * self._row
-
-    def potential_energy(self, q: FloatArray) -> FloatArray:
-        """With the energy of the spring [J]."""
-        return super().potential_energy(q) + 0.5 * self._stiffness * (q @ self._row - self._relaxed) ** 2
+        row = Kinematics(mechanism).angle(perturbed_joint.child, perturbed_joint.parent).coefficients
+        both = np.outer(row, row)
+        start = np.array(mechanism.start, dtype=np.float64)
+        springs = {"constant": torque * row, "stiffness": stiffness * both, "relaxed": start}
+        super().__init__(mechanism, **springs, damping=damping * both)
+        self._inertias = self._inertias + armature * both
 
 
-class WithRubbing(Equations):
+class WithRubbing(_With):
     """The equations with the same viscous friction against several rates of change, each a row of a matrix on u.
 
     Args:
@@ -83,26 +100,17 @@ class WithRubbing(Equations):
     """
 
     def __init__(self, mechanism: Mechanism, rows: FloatArray, damping: float) -> None:
-        super().__init__(mechanism)
-        self._damping = damping * rows.T @ rows
-
-    def _bias(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
-        return super()._bias(q, u, rates, quadratic) + u @ self._damping
+        super().__init__(mechanism, damping=damping * rows.T @ rows)
 
 
-class WithDamping(Equations):
+class WithDamping(_With):
     """The equations with every body damped at the same rate [1/s]: forces -rate M u."""
 
     def __init__(self, mechanism: Mechanism, rate: float) -> None:
-        super().__init__(mechanism)
-        self._rate = rate
-
-    def _forces(self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray) -> FloatArray:
-        momenta = (quadratic.real + self._inertias) @ u[..., None]
-        return super()._forces(q, u, rates, quadratic) - self._rate * momenta[..., 0]
+        super().__init__(mechanism, rate=rate)
 
 
-class WithTiltedGravity(Equations):
+class WithTiltedGravity(_With):
     """The equations with gravity turned anticlockwise by an angle [rad], and with it weights, reactions and energy."""
 
     def __init__(self, mechanism: Mechanism, angle: float) -> None:

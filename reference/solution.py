@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 from scipy.integrate import OdeSolution
 
-from ..models.arrays import FloatArray, IndexArray
+from ..models.arrays import FloatArray, IndexArray, as_vectors
 from ..models.errors import InputError
 from ..models.launch import LAUNCH_ANGLE, Launch, SmoothVelocity, first_launch, rest_opened
-from ..models.phasors import PointCoefficients
+from ..models.phasors import PointCoefficients, weighted
 from ..models.problem import Problem
 from ..models.shown import Shown
 from ..models.trajectory import PointMotion, Provenance, Trajectory
@@ -145,10 +145,9 @@ class Solution(Shown):
         """Force on each joint's child, world frame [N], shape (n, 2), by Newton's law for its subtree."""
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
         gravity, applied = np.array(mechanism.gravity_vector), self.equations.applied_on_bodies(motion.q, motion.u)
-        needed: dict[str, FloatArray] = {}
+        second, needed = kinematics.second_flow(motion.q, motion.u, motion.a), dict[str, FloatArray]()
         for body in mechanism.bodies:
-            centre = kinematics.point(body.name, body.centre)
-            acceleration = kinematics.acceleration(centre, motion.q, motion.u, motion.a)
+            acceleration = as_vectors(weighted(second, kinematics.point(body.name, body.centre).coefficients))
             needed[body.name] = body.mass * (acceleration - gravity) - applied.get(body.name, 0.0)
         return joint_reactions(kinematics, motion.q, needed, motion.loop_multipliers, motion.stop_torques)
 
@@ -232,10 +231,14 @@ class Solution(Shown):
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
         markers: dict[str, PointMotion] = {}
         with numerical("with the figures of its motion"):
+            phasors, flow = (
+                kinematics.phasors(motion.q),
+                kinematics.flow(motion.q, motion.u, kinematics.rates(motion.q)),
+            )
             for marker in mechanism.markers:
                 row = kinematics.point(marker.body, marker.point)
-                position, velocity = kinematics.position(row, motion.q), kinematics.velocity(row, motion.q, motion.u)
-                markers[marker.name] = PointMotion(position, velocity)
+                position, velocity = weighted(phasors, row.coefficients), weighted(flow, row.coefficients)
+                markers[marker.name] = PointMotion(as_vectors(row.offset + position), as_vectors(velocity))
             kinetic = kinematics.kinetic_energy(motion.q, motion.u)
             potential = self.equations.potential_energy(motion.q)
             reactions = self.joint_reactions(motion)

@@ -10,7 +10,7 @@ import trebucheck as tb
 from mechanisms import body_of, everything
 from numpy.typing import NDArray
 from trebucheck.models.applied_forces import AppliedForces
-from trebucheck.models.features import Feature, features_of, refuse_features
+from trebucheck.models.features import Basic, Feature, features_of, refuse_features
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
@@ -187,3 +187,10 @@ def test_an_engine_without_an_element_names_it() -> None:
     with pytest.raises(tb.UnsupportedProblemError, match=r"slots in moving bodies \('slot'\)"):
         refuse_features(everything(), set(Feature) - {Feature.MOVING_SLOT}, "an engine")
     refuse_features(everything(), set(Feature), "an engine")
+
+
+def test_a_restitution_is_needed_under_the_unilateral_law_only() -> None:
+    bouncing = tb.model("bouncing")
+    refuse_features(bouncing, set(Feature), "an engine", {Basic.REBOUND}, tb.StopLaw.RELEASE_ONCE)
+    with pytest.raises(tb.UnsupportedProblemError, match=r"no stops with a restitution \('floor'\)"):
+        refuse_features(bouncing, set(Feature), "an engine", {Basic.REBOUND}, tb.StopLaw.UNILATERAL)
