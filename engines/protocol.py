@@ -6,7 +6,7 @@ import importlib.metadata
 import importlib.util
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any, ClassVar, Protocol, Self, cast, runtime_checkable
@@ -58,6 +58,11 @@ class Capabilities:
     """Elements that it can build beside pins, slots in the ground and stops against it."""
     lacking: frozenset[Basic] = frozenset()
     """What it cannot build of these: slots, stops, loops of joints, bodies without inertia, restitution."""
+
+    def without(self, elements: Collection[Basic | Feature]) -> Capabilities:
+        """The same of an engine whose options take these elements away."""
+        lacking = self.lacking | {each for each in elements if isinstance(each, Basic)}
+        return replace(self, features=self.features.difference(elements), lacking=lacking)
 
 
 class Simulator(Protocol):
@@ -241,9 +246,9 @@ class BuiltinEngine(EngineOptions, ABC):
         return recording
 
     @property
-    def resolves_impacts(self) -> bool:
-        """Whether it follows the restitution of a stop under the unilateral law, with these options."""
-        return True
+    def lacking(self) -> frozenset[Basic | Feature]:
+        """Elements that it cannot build with these options, beside those that its capabilities lack."""
+        return frozenset()
 
     @abstractmethod
     def _run(self, problem: Problem) -> Recording:
@@ -266,19 +271,13 @@ class BuiltinEngine(EngineOptions, ABC):
     def _refuse_what_cannot_run(self, problem: Problem) -> None:
         refuse_no_problem(problem)
         self.refuse_absence()
-        refuse_features(problem.mechanism, self.capabilities.features, self.name, self.capabilities.lacking)
+        able, law = self.capabilities.without(self.lacking), problem.stop_law
+        who = f"{self.name} with these options" if self.lacking else self.name
+        refuse_features(problem.mechanism, able.features, who, able.lacking, law)
         if problem.mechanism.stops and problem.stop_law not in self.capabilities.stop_laws:
             laws = ", ".join(sorted(self.capabilities.stop_laws))
             raise UnsupportedProblemError(
                 f"{self.name} cannot follow the {problem.stop_law.value} law of a stop; it can follow: {laws}."
-            )
-        rebounding = [
-            f"{stop.name!r} (e = {stop.restitution:g})" for stop in problem.mechanism.stops if stop.restitution
-        ]
-        if rebounding and problem.stop_law is StopLaw.UNILATERAL and not self.resolves_impacts:
-            raise UnsupportedProblemError(
-                f"{self.name} cannot follow the unilateral law of {', '.join(rebounding)} with these options: its "
-                "stops give back what their springs do; it can follow that of stops with restitution 0."
             )
         if self.timestep > problem.duration:
             raise InputError(

@@ -6,16 +6,19 @@ import dataclasses
 import importlib
 import importlib.metadata
 import os
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, Protocol, cast
 
 from pydantic import JsonValue
 from pydantic_core import to_jsonable_python
 
 from ..models.errors import InputError
-from ..models.features import refuse_features
+from ..models.features import Basic, Feature, refuse_features
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
 from ..models.spec import Spec
@@ -59,9 +62,26 @@ class EngineClass(Protocol):
 
 def engine_names() -> tuple[str, ...]:
     """Every known engine, installed or not, the built-in ones first."""
-    points = importlib.metadata.entry_points(group=PLUGIN_GROUP)
-    plugins = sorted({*(point.name for point in points), *_announced()})
+    plugins = sorted({*(point.name for point in _installed()), *_announced()})
     return tuple(_BUILTIN) + tuple(name for name in plugins if name not in _BUILTIN)
+
+
+def _installed() -> tuple[importlib.metadata.EntryPoint, ...]:
+    """Engines of installed distributions, looked for again only where a folder of `sys.path` has changed."""
+    return _points_in(tuple((path, _changed(path)) for path in (Path(name).absolute() for name in sys.path)))
+
+
+def _changed(path: Path) -> int | None:
+    """When a folder (or an archive) was changed [ns]; None if there is none."""
+    try:
+        return path.stat().st_mtime_ns
+    except OSError:
+        return None
+
+
+@lru_cache(maxsize=1)
+def _points_in(_: tuple[tuple[Path, int | None], ...]) -> tuple[importlib.metadata.EntryPoint, ...]:
+    return tuple(importlib.metadata.entry_points(group=PLUGIN_GROUP))
 
 
 def _announced() -> dict[str, importlib.metadata.EntryPoint]:
@@ -131,7 +151,7 @@ def engine_class(name: str) -> EngineClass:
         return cast("EngineClass", getattr(importlib.import_module(f".{module}", __package__), cls))
     for point in (
         *filter(None, [_announced().get(name)]),
-        *importlib.metadata.entry_points(group=PLUGIN_GROUP, name=name),
+        *(point for point in _installed() if point.name == name),
     ):
         return _loaded(point)
     known = engine_names()
@@ -290,6 +310,22 @@ def with_options(base: Engine, changes: Mapping[str, JsonValue]) -> Engine:
         raise InputError(f"options of the engine {base.name!r} cannot be changed: {error}.") from error
 
 
+def capabilities_of(name: str, preset: str) -> Capabilities:
+    """What an engine declares, less what the options of a preset take away.
+
+    Raises:
+        InputError: there is no engine of that name, or it cannot be loaded.
+    """
+    try:
+        return _able(engine(name, preset))
+    except Exception:  # of a class that cannot be made, which is said where it is to move something
+        return engine_class(name).capabilities
+
+
+def _able(engine: Simulator) -> Capabilities:
+    return engine.capabilities.without(getattr(engine, "lacking", ()))
+
+
 @dataclass(frozen=True)
 class CompletedEngine:
     """A plug-in's engine that does not tell its preset, its settings or its time step, completed by the registry."""
@@ -309,10 +345,16 @@ class CompletedEngine:
         """Of the plug-in's engine."""
         return self.simulator.capabilities
 
+    @property
+    def lacking(self) -> frozenset[Basic | Feature]:
+        """Of the plug-in's engine, if it tells."""
+        return getattr(self.simulator, "lacking", frozenset())
+
     def simulate(self, problem: Problem) -> Trajectory:
         """As the plug-in's engine does."""
         refuse_no_problem(problem)
-        refuse_features(problem.mechanism, self.capabilities.features, self.name, self.capabilities.lacking)
+        able = _able(self)
+        refuse_features(problem.mechanism, able.features, self.name, able.lacking, problem.stop_law)
         return self.simulator.simulate(problem)
 
 

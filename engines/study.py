@@ -287,6 +287,8 @@ class EngineStudy:
     tolerances: tuple[Tolerance, ...] = ()
     snippets: Callable[[Any, Mechanism, float], Mapping[str, str]] = no_snippets
     """Texts to paste by title, from the engine, the mechanism, and a duration [s] within which most launches come."""
+    single_precision: bool = False
+    """Whether its state, or what moves it, is rounded to single precision, whatever its options."""
     colour: str | None = None
     """In plots, as '#rrggbb'; None: one follows from the engine's name."""
 

@@ -1,8 +1,9 @@
 """A mechanism as an Exudyn system: redundant coordinates, joints and stops as algebraic constraints.
 
 Items: a pin is a revolute joint; a slot is a prismatic joint that leaves the rotation free, which a prismatic joint
-holds; a weld is a revolute joint and a constraint of two rotations; a free joint is nothing. Stops: see
-:mod:`.constraints`; springs, dampers and constant forces: see :mod:`.forces`.
+holds; a weld is a revolute joint and a constraint of two rotations; a free joint is nothing. Angles that follow from
+other conditions are left out (:mod:`.rigid_loops`). Stops: see :mod:`.constraints`; springs, dampers and constant
+forces: see :mod:`.forces`.
 
 Every body is a 2D node at its centre of mass, with a rotation that is positive *anticlockwise*: the mechanism's
 angles have the opposite sign. Recorded quantities are the outputs of Exudyn's sensors.
@@ -32,6 +33,7 @@ from ..contact_events import Contacts, refuse_moving_gaps
 from . import forces
 from .constraints import AngleLimit, PointContact, Spring, UnilateralConstraint
 from .lines import RelativePoint, on_joint, on_wall
+from .rigid_loops import implied_angles
 from .sensors import SensorKey
 
 exu: Any = importlib.import_module("exudyn")
@@ -55,6 +57,8 @@ class System:
     springs: Mapping[str, Spring] = field(default_factory=dict[str, Spring])
     """Of the stops, where they are springs; empty where they are constraints."""
     sensors: dict[SensorKey, int] = field(default_factory=dict[SensorKey, int])
+    left_out: frozenset[str] = frozenset()
+    """Loop joints whose held angle is not built, because it follows from the other conditions."""
 
     def torque(self, stop: str) -> float:
         """Torque (or force) of a stop at the current state [N m, N]."""
@@ -126,7 +130,8 @@ def build(
     """
     _refuse_what_cannot_be_built(mechanism, springs or {})
     container = exu.SystemContainer()
-    system = System(mechanism, container, container.AddSystem(), springs=springs or {})
+    left_out = implied_angles(mechanism)
+    system = System(mechanism, container, container.AddSystem(), springs=springs or {}, left_out=left_out)
     return _Builder(system, law).build()
 
 
@@ -230,13 +235,16 @@ class _Builder:
         number = int(self.system.main.AddObject(items.ObjectJointRevolute2D(markerNumbers=markers)))
         for quantity in ("Force", "Displacement"):
             self._observe(items.SensorObject, ("joint", joint.name, quantity), objectNumber=number)
-        if isinstance(joint, WeldJoint):  # displacements from the start: its angle is held as it is there
+        if (
+            isinstance(joint, WeldJoint) and joint.name not in self.system.left_out
+        ):  # displacements from the start: its angle is held as it is there
             rotations = [self._rotation(joint.parent), self._rotation(joint.child)]
             self.system.main.AddObject(items.ObjectConnectorCoordinate(markerNumbers=rotations))
 
     def _add_slot(self, joint: AnyJoint, markers: list[int]) -> None:
         (normal,) = map(complex, joint.held_directions)
-        item = self._line(markers, (normal.real, normal.imag), joint.turned_by)
+        angle = None if joint.name in self.system.left_out else joint.turned_by
+        item = self._line(markers, (normal.real, normal.imag), angle)
         number = int(self.system.main.AddObject(item))
         self._observe(items.SensorObject, ("joint", joint.name, "ForceLocal"), objectNumber=number)
 

@@ -24,6 +24,7 @@ from .build import System, exu
 from .conditioning import DEPENDENT, Conditioning, LoopConstraints
 from .options import ExudynOptions
 from .read import Reader, coordinates
+from .rigid_loops import built_rows
 from .sensors import SensorKey, Values
 
 _EVERY_STEP = 1e-12  # [s] the default is 0.01 s; this is below any step
@@ -44,6 +45,7 @@ _LEAP_ITERATIONS = 200
 _SOON = 64  # steps
 _CONTRADICTION = 1e-5  # [N, m/s] residual that is small enough once a step has failed whose joints are redundant
 _JUMP = 0.2  # of the largest rotational speed: a leap that changes one more has gone to another branch
+_SHORT = 1e-2  # of a step: the error of one so long, of third order, is 1e-6 of a step's
 Monitor = Callable[[float], bool]
 """Called with the time after each step; False stops the run there."""
 
@@ -92,7 +94,7 @@ class Solver:
         }
         """Of each sensor in a table; column 0 is the time [s]."""
         self._dependent = _may_be_dependent(system.mechanism)
-        self._redundant = _has_redundant_joints(system.mechanism)
+        self._redundant = _has_redundant_joints(system)
         self._residual = options.newton_absolute
         self._kinematics = Kinematics(system.mechanism)
         self._conditioning: Conditioning | None = None
@@ -157,7 +159,9 @@ class Solver:
 
         A step that ends too near to a singular position of a loop fails; a longer one over the position takes its
         place, unless Exudyn is to shorten steps by itself. Where joints are redundant, their drift is taken away first;
-        if a step fails soon after that, a larger residual is small enough from then on.
+        if a step fails soon after that, a larger residual is small enough from then on. Between events that follow each
+        other closely Newton's iteration may end at the rounding of the accelerations over the step, above its
+        tolerance; there the trapezoidal rule is applied explicitly.
 
         Args:
             state: where to start.
@@ -172,6 +176,8 @@ class Solver:
         step = (end - state.t) / steps
         self._conditioning = self._watched(active)
         table, outcome = self._equal_steps(state, active, end, steps, monitor)
+        if outcome is _Outcome.FAILED and end - state.t < _SHORT * self.options.timestep:
+            return self._explicit_step(state, active, end)
         failed = closed = -np.inf
         while outcome in (_Outcome.FAILED, _Outcome.INTERRUPTED):
             if outcome is _Outcome.INTERRUPTED:
@@ -218,6 +224,15 @@ class Solver:
             return table, _Outcome.ARRIVED
         interrupted = finished and self._conditioning is not None and self._conditioning.is_due
         return table, _Outcome.INTERRUPTED if interrupted else _Outcome.FAILED
+
+    def _explicit_step(self, state: State, active: Contacts, end: float) -> FloatArray:
+        """Table of one step of the trapezoidal rule whose end has the accelerations of an explicit Euler step's."""
+        h, first = end - state.t, self.balance(state, active)
+        coordinates = state.coordinates + h * (state.rates + h / 2 * first.accelerations)
+        predicted = self.balance(State(end, coordinates, state.rates + h * first.accelerations), active)
+        rates = state.rates + h / 2 * (first.accelerations + predicted.accelerations)
+        self.steps += 1
+        return np.stack([first.row, self.balance(State(end, coordinates, rates), active).row])
 
     def _watched(self, active: Contacts) -> Conditioning | None:
         """Of the loops; generalised alpha damps what it would be watched for."""
@@ -350,10 +365,9 @@ def _may_be_dependent(mechanism: Mechanism) -> bool:
     return dependent or bool(mechanism.loop_joints)
 
 
-def _has_redundant_joints(mechanism: Mechanism) -> bool:
-    """Whether conditions of the loops follow from others at the start."""
-    kinematics, (q, _) = Kinematics(mechanism), initial_state(mechanism)
-    rows = kinematics.loop_jacobian(q)
+def _has_redundant_joints(system: System) -> bool:
+    """Whether conditions of the loops, as they are built, follow from others at the start."""
+    rows = built_rows(Kinematics(system.mechanism), initial_state(system.mechanism)[0], system.left_out)
     return len(rows) > 0 and int(np.linalg.matrix_rank(rows, rtol=DEPENDENT)) < len(rows)
 
 

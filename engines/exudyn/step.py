@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
@@ -270,17 +271,28 @@ class _UnilateralMotion(_Motion):
     def _onto_zero_gap(self, table: FloatArray, active: Contacts, name: str) -> tuple[float, FloatArray]:
         """When the gap of a stop is zero, in the last steps of a table [s], and a table up to there.
 
-        Newton's iteration from the far end: after a rebound lower than a step is long the gap is zero at both of its
-        ends, and the later one is the impact. Where the gap grows, on the wrong side of a turn, half way back.
+        Newton's iteration from the zero of a cubic through the gaps and speeds at both ends. After a rebound lower than
+        a step is long the gap is zero at both of its ends, and the later one is the impact: from the far end Newton's
+        iteration would only halve the way to it. Where the gap grows, on the wrong side of a turn, half way back.
         """
         stop, latest = self.mechanism.stop(name), float(table[-1, 0])
 
         def newton(probe: FloatArray) -> float:
             time, values = float(probe[-1, 0]), self._last(probe)
             speed = gap_speed(stop, values)
-            return (time + latest) / 2 if speed >= 0 else time - gap(stop, values) / speed
+            cubic = self._zero_of_cubic(table, name) if probe is table else None
+            return cubic or ((time + latest) / 2 if speed >= 0 else time - gap(stop, values) / speed)
 
         return self._onto(table, active, newton)
+
+    def _zero_of_cubic(self, table: FloatArray, name: str) -> float | None:
+        """The last time at which a cubic through a stop's gaps in the last steps of a table falls through zero [s]."""
+        stop, rows = self.mechanism.stop(name), (table[max(len(table) - 3, 0)], table[-1])
+        (g0, g1), (v0, v1) = ([measure(stop, self.solver.values(row)) for row in rows] for measure in (gap, gap_speed))
+        begin, span = float(rows[0][0]), float(rows[1][0] - rows[0][0])
+        polynomial = CubicHermiteSpline([0.0, span], [g0, g1], [v0, v1])
+        falls = [zero for zero in polynomial.roots(extrapolate=False) if polynomial(zero, 1) < 0]
+        return begin + float(falls[-1]) if falls else None
 
     def _last(self, table: FloatArray) -> Values:
         return self.solver.values(table[-1])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from ...models.features import Feature
+from ...models.features import Basic, Feature
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
@@ -67,9 +67,9 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
     }
 
     @property
-    def resolves_impacts(self) -> bool:
-        """Whether stops that are met are not left to the springs that MuJoCo's limits are."""
-        return not self.keep_limits
+    def lacking(self) -> frozenset[Basic | Feature]:
+        """Restitution, where limits stay in the model: they give back what their springs do."""
+        return frozenset() if not self.keep_limits else frozenset({Basic.REBOUND})
 
     def _run(self, problem: Problem) -> Recording:
         # Imported here so that the class, its options and its documentation need no MuJoCo.

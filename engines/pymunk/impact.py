@@ -103,8 +103,9 @@ def _impact_of(placed: Mechanism, active: Contacts, restitution: Mapping[str, fl
 
     beyond = {name: left[name] + restitution[name] * came[name] for name in restitution}
     wrong = [name for name in restitution if (total[name] < least if name in active else beyond[name] < -rounding)]
-    # Stops whose targets contradict each other meet one of them at most; a gap that is left is closed in the step.
-    wrong += [name for name in active if abs(beyond[name] + gap(name) / STEP) > rounding]
+    # Stops whose targets contradict each other meet one of them at most. A gap that is left is closed in the step,
+    # unless the stop's joint was built where its bodies are.
+    wrong += [name for name in active if min(abs(beyond[name]), abs(beyond[name] + gap(name) / STEP)) > rounding]
     return Impact(after, total, resting(left, rounding), next(iter(wrong), None))
 
 

@@ -43,7 +43,10 @@ def forces_of(reading: Reading, active: Contacts) -> Forces:
     mechanism, needed = reading.mechanism, _needed(reading)
     points = [stop for stop in mechanism.point_stops if stop.name in active]
     turn_together = any(joint.holds_angle for joint in mechanism.tree_joints)
-    if not mechanism.loop_joints and (not active or not (points or turn_together)):
+    # A stop's torque is known from the body farther out, but not those of two stops from one body.
+    outer = {_outer(mechanism, stop) for stop in mechanism.angle_stops if stop.name in active}
+    one_by_one = not (points or turn_together) and len(outer) == len(active)
+    if not mechanism.loop_joints and (not active or one_by_one):
         reactions = _tree_reactions(mechanism, needed)
         return Forces(reactions, _angle_torques(reading, reactions, active))
     multipliers = _multipliers(reading, needed, active)

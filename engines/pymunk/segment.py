@@ -86,7 +86,9 @@ class Segment:
         """The first sample, and without the leapfrog the first step."""
         stepper = self.stepper
         passes = self._passes(*initial_state(self.assembly.mechanism))
-        stepper.start(max(self.options.start_iterations, passes), self.options.leapfrog, settle=self._checks_loops)
+        # Stops that meet the joints as well as those of a machine do start with the passes that the option says.
+        settle = self._checks_passes and (bool(self.assembly.mechanism.loop_joints) or passes > self.options.iterations)
+        stepper.start(max(self.options.start_iterations, passes), self.options.leapfrog, settle)
         if not self.options.leapfrog:
             # The first step has no impulses to start from; a leapfrog has found them at the start.
             stepper.run(1, self.options.start_iterations)
@@ -98,7 +100,7 @@ class Segment:
         Raises:
             SimulationError: loops are so nearly rigid or singular that their impulses do not converge.
         """
-        while self._checks_loops and self.stepper.steps < last:
+        while self._checks_passes and self.stepper.steps < last:
             first, end = self.stepper.steps, min(last, self.stepper.steps + _CHECKED)
             (q, *_), (u, *_) = self.reading(first, first).coordinates()
             passes = self._passes(q, u)
@@ -108,14 +110,18 @@ class Segment:
         self._advance(last, self.options.iterations)
 
     @property
-    def _checks_loops(self) -> bool:
-        """Whether a step is to have as many passes as its loops need: where joints are to keep their lengths."""
-        return self.options.hold_lengths and bool(self.assembly.mechanism.loop_joints)
+    def _checks_passes(self) -> bool:
+        """Whether a step is to have as many passes as its loops need: where joints are to keep their lengths.
+
+        An active stop closes a loop as a joint does.
+        """
+        closed = bool(self.assembly.mechanism.loop_joints or self.assembly.stops)
+        return self.options.hold_lengths and closed
 
     def _passes(self, q: FloatArray, u: FloatArray) -> int:
         """Passes that a step from a state needs, shapes (n_q,)."""
         least, mechanism = self.options.iterations, self.assembly.mechanism
-        if not (self._checks_loops and np.isfinite([q, u]).all()):
+        if not (self._checks_passes and np.isfinite([q, u]).all()):
             return least
         # Not validated: stops keep the word on whether they are closed at the start, which decides on the bodies.
         there = mechanism.model_copy(update={"start": tuple(q.tolist()), "start_speeds": tuple(u.tolist())})
