@@ -7,7 +7,8 @@ import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import Annotated
+from functools import cache
+from typing import Annotated, Any
 
 import typer
 
@@ -97,7 +98,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     try:
         words = list(sys.argv[1:] if arguments is None else arguments)
-        code = app(args=words, prog_name="trebucheck", standalone_mode=False, obj=shlex.join(["trebucheck", *words]))
+        code = _group().main(words, "trebucheck", standalone_mode=False, obj=shlex.join(["trebucheck", *words]))
         sys.stdout.flush()
     except (TrebucheckError, MemoryError, OSError) as error:
         return _refused(_sentence(error), code=1 if isinstance(error, SimulationError) else 2)
@@ -115,6 +116,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 _INTERRUPTED = 130
+
+
+@cache
+def _group() -> Any:
+    """All commands and their options, made from the functions once a process."""
+    return typer.main.get_command(app)  # with the options that install completion, which a group alone lacks
 
 
 def _refused(sentence: str, code: int = 2) -> int:
@@ -146,5 +153,6 @@ def _interrupted() -> int:
 
 def _resumable() -> list[str]:
     """Names of the commands that take --resume."""
-    root = typer.main.get_group(app)
-    return sorted(name for name, command in root.commands.items() if any(o.name == "resume" for o in command.params))
+    return sorted(
+        name for name, command in _group().commands.items() if any(o.name == "resume" for o in command.params)
+    )

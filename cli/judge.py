@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -48,8 +49,9 @@ def judge_command(
     needs = options.needs(tolerance, tolerances)
     study = Study([given], [], (), stop_law=stop_law, until=one_end(duration, until), tolerances=needs)
     refuse_unwritable(out)
-    found = judge_file(file, study).made_by(output.command_line(context))
     told = output.Told(quiet, json)
+    with output.progress(told=told) as progress:
+        found = judge_file(file, replace(study, progress=progress)).made_by(output.command_line(context))
     data = (out / "judgement.json", found.to_json())
     output.publish(data, document(found), out / "judgement.html", "Judgement", told=told)
     if found.outcome is not Outcome.AGREES:

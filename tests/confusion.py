@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 import trebucheck as tb
 from trebucheck.comparisons.diagnosis.motion import diagnose_motion
-from trebucheck.comparisons.runs.results import Diagnosis, Metric, Outcome, Run
+from trebucheck.comparisons.diagnosis.settings import Rerun
+from trebucheck.comparisons.runs.results import Diagnosis, Metric
 from trebucheck.models.machines.registry import model
 from trebucheck.models.trajectory import PointMotion
 from trebucheck.reference.equations import Equations
@@ -606,17 +607,10 @@ class Entry:
 def diagnosed(bench: Bench, seed: Seed) -> Entry:
     """What is said of a fault."""
     metric = Metric(name="seeded", value=1.0, unit="1", tolerance=0.5)
-    run = Run(
-        model=bench.mechanism.name,
-        engine="reference",
-        preset="tuned",
-        outcome=list(Outcome)[1],
-        engine_version="1",
-        metrics=(metric,),
-    )
     trajectory = seed.make(bench)
     started = time.process_time()
-    found = diagnose_motion(run, trajectory, bench.solution, bench.end, tb.engine("reference"), lambda *_: trajectory)
+    rerun = Rerun(tb.engine("reference"), lambda *_: trajectory)
+    found = diagnose_motion((metric,), trajectory, bench.solution, bench.end, rerun)
     assert found is not None
     return Entry(seed, found, time.process_time() - started)
 

@@ -18,7 +18,8 @@ from ...models.mechanism import Mechanism
 from ...models.spec import Spec
 from ...models.trajectory import Trajectory
 from ..diagnosis.model import check_and_diagnose
-from ..diagnosis.motion import diagnose_motion
+from ..diagnosis.motion import diagnose_motion, failed_diagnosis
+from ..diagnosis.settings import Rerun
 from ..report.numbers import format_number
 from ..runs.pairs import Compared, pair_of
 from ..runs.results import Diagnosis, Equality, Machine, Outcome, Pair, Run, SingularPosition, verdict_on
@@ -184,13 +185,13 @@ class MachineRuns:
         record = RunRecord(trajectory=file, run=run)
         self.store.keep_record(path.stem, record, conditions(*self._parts, engine=engine))
 
-    def _diagnosed(self, run: Run, trajectory: Trajectory, engine: Engine) -> Diagnosis | None:
+    def _diagnosed(self, run: Run, trajectory: Trajectory, engine: Engine) -> Diagnosis:
         motions = trajectory, self.runner.solution, self.runner.end
-        diagnose = partial(diagnose_motion, run, *motions, engine, simulate)
+        diagnose = partial(diagnose_motion, run.broken, *motions, Rerun(engine, simulate))
         try:
             return self.runner.worker.compute(diagnose, "the diagnosis")  # it solves and runs many changed machines
-        except Exception:  # a diagnosis that fails must not cost the row it is about
-            return None
+        except Exception as error:
+            return failed_diagnosis(run.broken, error)
 
     def pairs(self) -> list[Pair]:
         """Every two runs that moved, compared with each other; kept in the store with the machine's row."""

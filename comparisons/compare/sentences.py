@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
+from ..diagnosis.ranking import SAME
 from ..report.document import Block, Heading, Listing, Mark, Text
 from ..report.numbers import format_number
-from ..runs.results import Cause, Diagnosis, Metric, Outcome, Results, Run
+from ..runs.results import Cause, Diagnosis, Measured, Metric, Outcome, Results, Run
 
 MARKS: dict[Outcome, Mark] = {
     Outcome.AGREES: "good",
@@ -79,11 +80,13 @@ def _complaint(m: Metric) -> str:
     return f"{m.label}: {measured}, tolerance {format_number(m.tolerance)} {m.unit} ({m.source}: {m.reason})"
 
 
-def diagnosis(run: Run) -> list[str]:
+def diagnosis(run: Measured) -> list[str]:
     """When the run begins to differ from the reference and why, in sentences; none for a run that agrees."""
     diagnosed = run.diagnosis
     if diagnosed is None:
         return []
+    if diagnosed.note:
+        return [f"no cause is known: {diagnosed.note}."]
     when = "in its motion" if run.metrics else "before any motion"
     if diagnosed.parts_at is not None:
         holding = ", ".join(diagnosed.holding) or "no stop"
@@ -96,7 +99,9 @@ def _likeliest(diagnosed: Diagnosis) -> str:
     """The causes that account for enough of the deviation; without one, what the suspects account for."""
     shares = "; ".join(_suspicion(cause) for cause in diagnosed.named or diagnosed.causes[:3])
     if diagnosed.named:
-        return f"Likeliest: {shares}."
+        alike = [cause for cause in diagnosed.causes[diagnosed.likeliest :] if cause.explained >= SAME]
+        rest = f" As well by: {', '.join(cause.name for cause in alike)}." if alike else ""
+        return f"Likeliest: {shares}.{rest}"
     if shares:
         return f"Cause unknown. No suspect accounts for enough of it, and clearly more than others: {shares}."
     return "Cause unknown: no suspect accounts for it."
@@ -114,8 +119,13 @@ def differing(results: Results) -> Iterator[Block]:
         if run.outcome is Outcome.AGREES:
             continue
         yield Heading(f"{run.model}, {run.label}: {run.outcome.value}", 3, why_anchor(run))
-        yield from (Text(sentence, lead="Why:") for sentence in map(_capital, diagnosis(run)))
+        yield from why(run)
         yield Listing(tuple(_said_of(run)))
+
+
+def why(found: Measured) -> Iterator[Text]:
+    """When and why it differs from the reference, as paragraphs."""
+    yield from (Text(sentence, lead="Why:") for sentence in map(_capital, diagnosis(found)))
 
 
 def why_anchor(run: Run) -> str:

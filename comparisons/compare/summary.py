@@ -81,6 +81,8 @@ def _broken(runs: Iterable[Run]) -> Iterator[Text]:
 
 def cause(diagnosis: Diagnosis) -> str:
     """What a run differs in first, and its likeliest cause, in a line."""
+    if diagnosis.note:
+        return f"cause unknown: {diagnosis.note}"
     named = " or ".join(f"{each.name} ({each.amount})" if each.amount else each.name for each in diagnosis.named)
     return f"first in {diagnosis.leads}, {f'likeliest: {named}' if named else 'cause unknown'}"
 

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ...engines.registry import engine, engine_study
 from ...engines.study import ConstraintKinds, Options, Refinement
 from ...models.errors import InputError
@@ -17,6 +19,7 @@ from .results import Floor
 LOWERED = 0.8
 """A refinement that leaves less than this share of an error has lowered it: the smallest one, a halving at first order,
 leaves 0.5, and 0.8 where only two fifths of the error are of its making."""
+_SINGLE = float(np.finfo(np.float32).epsneg)
 _NAMED = 3  # refinements in the evidence
 GROWN = 1.5
 """An error this many times the floor, at a finer value, is one that grows."""
@@ -98,6 +101,9 @@ def _lowered_most(site: Site) -> tuple[str, str]:
         ((share, refinement) for share, refinement in remaining if share <= LOWERED), key=lambda lowering: lowering[0]
     )
     if not lowered:
-        return "not found", f"none of {len(remaining)} other knobs, turned one notch, lowers it by a fifth"
+        nothing = f"none of {len(remaining)} other knobs, turned one notch, lowers it by a fifth"
+        if engine_study(site.engine).single_precision:
+            return "single precision", f"{nothing}; it rounds to {_SINGLE:.1e}, as its study says"
+        return "not found", nothing
     effects = "; ".join(f"{refinement.description} leaves {share:.2g}" for share, refinement in lowered[:_NAMED])
     return lowered[0][1].cause, effects

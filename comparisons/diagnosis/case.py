@@ -37,6 +37,8 @@ class Case:
     end: float
     broken: frozenset[str] = frozenset()
     """Names of the metrics that violate their tolerances."""
+    told: frozenset[str] | None = None
+    """Quantities that the trajectory tells, where others in it stand in for what nobody has told; None: all of them."""
 
     @property
     def mechanism(self) -> Mechanism:
@@ -114,7 +116,7 @@ class Case:
     @cached_property
     def channels(self) -> Channels:
         """What is compared."""
-        return Channels.of(self.trajectory, self.reference)
+        return Channels.of(self.trajectory, self.reference, self.told)
 
     @cached_property
     def weights(self) -> FloatArray:
@@ -194,7 +196,8 @@ class Case:
         An engine with a wrong body computes markers and energies by that; an adapter that gets coordinates from the
         engine computes them from the right description.
         """
-        own = wrong.reading(self.t, motion)
-        right = self.solution.reading(self.t, replace(self.motion, q=motion.q, u=motion.u))
+        told = self.reference.provenance
+        own = wrong.reading(self.t, motion, told)
+        right = self.solution.reading(self.t, replace(self.motion, q=motion.q, u=motion.u), told)
         mixed = replace(right, stop_torques=own.stop_torques, joint_reactions=own.joint_reactions)
         return self.signature(own), self.signature(mixed)

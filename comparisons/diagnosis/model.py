@@ -14,6 +14,7 @@ from ...engines.protocol import Engine
 from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism
 from ...reference.equations import Equations
+from ...reference.integrator import one_thread
 from ..equivalence.checks import EXACT, Expected, check_model, expected, gap_errors, scaled_differences
 from ..equivalence.states import random_states
 from ..runs.results import Cause, Diagnosis, Equality
@@ -44,6 +45,7 @@ def check_and_diagnose(engine: Engine, mechanism: Mechanism) -> tuple[Equality, 
     return equality, None if equality.holds else diagnose_model(engine, mechanism, equality)
 
 
+@one_thread()
 def diagnose_model(engine: Engine, mechanism: Mechanism, broken: Equality) -> Diagnosis:
     """What may have been built wrong, the most likely first."""
     worst = max(broken.broken, key=lambda check: math.inf if check.value is None else check.value / check.tolerance)
@@ -223,21 +225,16 @@ def _signatures(
     if {stop.name for stop in wrong.stops} < {stop.name for stop in mechanism.stops}:
         return  # a missing stop: see _plain
     start = np.array(wrong.start) - np.array(mechanism.start)
-    here, moved = (
-        _exposed(equations, [replace(state, q=state.q + shift) for state in states], inspection)
-        for shift in (0.0 * start, start)
-    )
-    for exposed, start_error in ((here, start), (moved, start), (here, 0.0 * start)):
-        yield np.concatenate(
-            [scaled_differences(right, exposed), start_error, _gaps(right, exposed, inspection.dynamics)]
-        )
 
+    def shown(shift: FloatArray) -> tuple[FloatArray, FloatArray]:
+        exposed = expected(wrong, [replace(state, q=state.q + shift) for state in states], equations)
+        values = exposed.as_dynamics(inspection.dynamics)
+        return scaled_differences(right, values), _gaps(right, values, inspection.dynamics)
 
-def _exposed(equations: Equations, states: Sequence[State], inspection: Inspection) -> list[Dynamics]:
-    """What an engine would show of these equations in the states that shows as much as the inspected one."""
-    faulty = expected(equations.mechanism, states, equations)
-    exposed = faulty.as_dynamics(inspection.dynamics)
-    return [replace(dynamics, stop_gaps=gaps) for dynamics, gaps in zip(exposed, faulty.gaps, strict=True)]
+    here = shown(0.0 * start)
+    moved = shown(start) if start.any() else here
+    for (differences, gaps), start_error in ((here, start), (moved, start), (here, 0.0 * start)):
+        yield np.concatenate([differences, start_error, gaps])
 
 
 def _gaps(right: Expected, dynamics: Sequence[Dynamics], like: Sequence[Dynamics]) -> FloatArray:

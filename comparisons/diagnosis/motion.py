@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from ...engines.protocol import Engine
-from ...engines.registry import causes_of, with_options
-from ...engines.registry import engine as make
 from ...models.arrays import FloatArray
 from ...models.errors import TrebucheckError
-from ...models.mechanism import Mechanism
-from ...models.problem import Problem, StopLaw
+from ...models.problem import StopLaw
 from ...models.trajectory import Trajectory
 from ...reference.equations import Equations
+from ...reference.integrator import one_thread
 from ...reference.perturbed import WithoutCentrifugal, solve_scheduled
 from ...reference.solution import Solution
 from ..runs.comparison import against
-from ..runs.results import Cause, Diagnosis, Run
+from ..runs.results import Cause, Diagnosis, Metric
+from ..runs.runner import failure
 from .case import Case
 from .consistent import with_closed_loops
 from .energies import energy_readings
@@ -30,15 +28,13 @@ from .onset import find_onset
 from .ranking import SAME, SUFFICIENT, ranked
 from .readings import NO_MOTION, Reading, plain_readings
 from .search import faults_at_the_same_motion, fitting_faults
+from .settings import Rerun
 from .signatures import fit, match
 from .suspects import machine_suspects
 from .systematic import systematic_faults
 
-Simulate = Callable[[Engine, Problem], Trajectory]
-
 _CERTAIN = 0.9999  # share of a reading's mistake from which on no other cause is looked for
 _CORRECTIONS = 4  # of a size that has no linear effect
-_FIRST_ORDER = 0.8  # share that an eighth of the step takes out of an error of first order, 7/8, less what rounding may
 _MISREAD = 0.01  # of the deviation: what deviates by less is right, where other quantities are wrong
 _RIGHT = 1e-6  # of the sizes of quantities: what deviates by less is right
 _STATE = ("coordinates", "speeds of coordinates")
@@ -47,24 +43,30 @@ _POINT_METRICS = frozenset({"position_max", "velocity_max"})
 _UNTOLD = ("torque", "force")  # what solvers compute by iteration may be noisy on a right motion: no mistake of reading
 
 
+@one_thread()
 def diagnose_motion(
-    run: Run, trajectory: Trajectory, solution: Solution, end: float, engine: Engine, simulate: Simulate
+    broken: Sequence[Metric],
+    trajectory: Trajectory,
+    solution: Solution,
+    end: float,
+    rerun: Rerun | None = None,
+    told: frozenset[str] | None = None,
 ) -> Diagnosis:
     """The onset of the divergence from the reference, the first violated quantity, and the likeliest causes.
 
     Args:
-        run: as judged, with broken tolerances.
-        trajectory: of the run.
+        broken: metrics of the motion that violate their tolerances, at least one.
+        trajectory: the motion.
         solution: the reference's.
         end: end of the compared motion [s].
-        engine: with its options; it is run again with other ones where no suspect explains the deviation.
-        simulate: how engines are run.
+        rerun: the engine, which is run again where no suspect explains the deviation; None: there is none.
+        told: quantities that the trajectory tells, as :func:`.signatures.quantities` names them; None: all that it has.
     """
-    case = Case(trajectory, solution, end, frozenset(metric.name for metric in run.broken))
-    onset = find_onset(against(trajectory, solution, end), run.broken)
-    causes, likeliest = _ranked_causes(case, engine, simulate) if case.can_be_read else ranked(_misshapen(case))
+    case = Case(trajectory, solution, end, frozenset(metric.name for metric in broken), told)
+    onset = find_onset(against(trajectory, solution, end), broken)
+    causes, likeliest = _ranked_causes(case, rerun) if case.can_be_read else ranked(_misshapen(case))
     return Diagnosis(
-        leads=onset.first_violated if onset else run.broken[0].label,
+        leads=onset.first_violated if onset else broken[0].label,
         parts_at=onset.time if onset else None,
         holding=onset.active if onset else (),
         causes=causes,
@@ -73,10 +75,17 @@ def diagnose_motion(
     )
 
 
-def _ranked_causes(case: Case, engine: Engine, simulate: Simulate) -> tuple[tuple[Cause, ...], int]:
+def failed_diagnosis(broken: Sequence[Metric], error: Exception) -> Diagnosis:
+    """In the place of a diagnosis that raised: it must not cost the motion that it is about, and it says why."""
+    worst = max(broken, key=lambda metric: metric.share or 0.0)
+    return Diagnosis(leads=worst.label, note=failure(error)[1].removesuffix("."))
+
+
+def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[Cause, ...], int]:
     """Mistakes of reading first, which cost nothing to compute; engines run again only if nothing else explains it."""
     causes = [*_outright_causes(case), *_reading_causes(case)]
-    if max((cause.explained for cause in causes), default=0.0) < _CERTAIN:
+    certain = max((cause.explained for cause in causes), default=0.0) >= _CERTAIN
+    if case.told is not None or not certain:  # of what tells little, faults and mistakes may account alike
         causes += [*fitting_faults(case), *_missing_causes(case), *_law_causes(case)]
     elif _motion_agrees(case):
         causes += faults_at_the_same_motion(case)  # a load that moves nothing is no worse an explanation
@@ -84,8 +93,8 @@ def _ranked_causes(case: Case, engine: Engine, simulate: Simulate) -> tuple[tupl
         causes += [*_missing_causes(case), *_gross_causes(case)]  # nor is the lack of what moves it
     elif not _is_settled(causes):
         causes += _gross_causes(case)
-    if not ranked(causes)[1]:
-        causes += _settings_causes(case, engine, simulate)
+    if rerun is not None and not ranked(causes)[1]:
+        causes += rerun.causes(case)
     if not ranked(causes)[1]:
         causes += _misread(case)
     return ranked(causes)
@@ -318,54 +327,3 @@ def _misread(case: Case) -> Iterator[Cause]:
         rest = float(np.linalg.norm([share for name, share in case.shares.items() if name not in wrong]))
         name = f"reading of the {', '.join(wrong)}"
         yield Cause(name=name, kind="reading", amount="the motion is right", explained=1.0 - rest)
-
-
-def _settings_causes(case: Case, engine: Engine, simulate: Simulate) -> Iterator[Cause]:
-    """The causes of the engine's error budget, removed one at a time: each explains the part that then vanishes."""
-    size = float(np.linalg.norm(case.deviation))
-    given = case.solution.problem.stop_law
-    problem = Problem(case.mechanism, duration=case.whole.provenance.duration, stop_law=given)
-    for name, amount, changed in _other_settings(engine, case.mechanism):
-        try:
-            other = simulate(changed, problem)
-        except TrebucheckError:
-            continue
-        left = case.carried(other)
-        explained = 1.0 - float(np.linalg.norm(left)) / size if size else 0.0
-        if _FIRST_ORDER < explained < SUFFICIENT and amount.startswith("timestep "):
-            explained = max(explained, 1.0 - _beside_first_order(case, engine, simulate, problem, changed, left) / size)
-        if explained > 0:
-            yield Cause(name=name, kind="settings", amount=amount, explained=explained)
-
-
-def _beside_first_order(
-    case: Case, engine: Engine, simulate: Simulate, problem: Problem, finer: Engine, left: FloatArray
-) -> float:
-    """How much of a deviation is no error of first order in the step, of which a finer step leaves a part.
-
-    With d(h) = c h + rest, steps h and r h tell rest = (d(r h) - r d(h)) / (1 - r): the larger one of two, with r of
-    the finer engine and with a half, so that only what falls as the step does is gone. Infinite where half the step
-    cannot be run.
-    """
-    if engine.timestep is None or finer.timestep is None:
-        return math.inf
-    try:
-        half = case.carried(simulate(with_options(engine, {"timestep": 0.5 * engine.timestep}), problem))
-    except TrebucheckError:
-        return math.inf
-    pairs = ((finer.timestep / engine.timestep, left), (0.5, half))
-    return max(float(np.linalg.norm((other - r * case.deviation) / (1 - r))) for r, other in pairs)
-
-
-def _other_settings(engine: Engine, mechanism: Mechanism) -> Iterator[tuple[str, str, Engine]]:
-    """The engine without one of its budget's causes, or with one option as tuned; name, amount, engine."""
-    options = engine.settings
-    known: set[str] = set()
-    for cause in causes_of(engine, mechanism):
-        if cause.removal is not None and cause.removal.options:
-            known |= cause.removal.options.keys()
-            yield cause.name, cause.removal.described(options), with_options(engine, cause.removal.options)
-    tuned = make(engine.name, "tuned").settings
-    for name, value in options.items():
-        if name in tuned and value != tuned[name] and name not in known | {"timestep"}:
-            yield f"option {name}", f"{value}; tuned: {tuned[name]}", with_options(engine, {name: tuned[name]})

@@ -26,6 +26,7 @@ from .signatures import fit, match
 
 _WINDOWS = (0.08, 0.3, 1.0)  # parts of the motion to which suspects are fitted to first order
 _SOLVED = 3  # suspects of each window that are then solved
+_ALIKE = 6  # that are, where so many account for all of it
 _CORRECTIONS = 6
 _WORTH_SOLVING = 0.98  # of the best share in its group: of a member of it
 _HOPELESS = 0.5  # share to first order, below which a size is not corrected
@@ -123,8 +124,9 @@ def better(one: Found, other: Found) -> Found:
 def _leads(case: Case, every: Sequence[tuple[Hypothesis, FloatArray]], part: float) -> Iterator[_Lead]:
     """The groups that fit the first part of the motion best, each by the best of its hypotheses."""
     fitted = sorted((_fitted(case, h, s, part) for h, s in every), key=lambda lead: -lead.explained)
-    groups = list(dict.fromkeys(lead.hypothesis.group for lead in fitted))[:_SOLVED]
-    for group in groups:
+    groups = dict.fromkeys(lead.hypothesis.group for lead in fitted)
+    alike = dict.fromkeys(lead.hypothesis.group for lead in fitted if lead.explained > EXACT)
+    for group in list(groups)[: min(max(_SOLVED, len(alike)), _ALIKE)]:
         members = [lead for lead in fitted if lead.hypothesis.group == group]
         yield from (m for m in members if m.explained > _WORTH_SOLVING * members[0].explained)
 

@@ -8,7 +8,7 @@ reference, is an array of the same kind, fitted to the deviation by least square
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,51 +20,51 @@ ENERGIES = ("kinetic energy", "potential energy")
 _FAINT = 1e-4  # of the largest: earlier than this, rounding and steps are most of a deviation
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """One kind of quantity, or that of one marker, stop or joint: its values and their size."""
+def _values(trajectory: Trajectory) -> dict[str, FloatArray]:
+    """All that a trajectory tells, by name as a report has it, each of shape (n, n_components)."""
+    stops = {s.name: s.effort for s in trajectory.mechanism.stops if s.closed and s.name in trajectory.stop_torques}
+    return {
+        "coordinates": trajectory.q,
+        "speeds of coordinates": trajectory.u,
+        **{f"position of the {name}": marker.position for name, marker in trajectory.markers.items()},
+        **{f"velocity of the {name}": marker.velocity for name, marker in trajectory.markers.items()},
+        **{f"{effort} of the {name}": trajectory.stop_torques[name][:, None] for name, effort in stops.items()},
+        **{f"force of the {name}": force for name, force in trajectory.joint_reactions.items()},
+        "kinetic energy": trajectory.kinetic_energy[:, None],
+        "potential energy": trajectory.potential_energy[:, None],
+    }
 
-    kind: str
-    """As a report names it."""
-    subject: str
-    values: FloatArray
-    """Shape (n, n_components)."""
-    size: float | FloatArray
 
-
-def quantities(trajectory: Trajectory) -> dict[str, Quantity]:
-    """All that a trajectory tells, by name; sizes are those of its own motion."""
+def _sizes(trajectory: Trajectory) -> dict[str, float | FloatArray]:
+    """The size of each of them in its own motion."""
     n_angles = len(trajectory.mechanism.angles)
     markers = trajectory.markers.items()
     reach = max((_largest(m.position) for _, m in markers), default=0.0) or 1.0
     speed = max((_largest(m.velocity) for _, m in markers), default=0.0) or _largest(trajectory.u) or 1.0
     force = max((_largest(f) for f in trajectory.joint_reactions.values()), default=0.0) or 1.0
     energy = _largest(trajectory.kinetic_energy) or 1.0
-    # Of a slow motion the potential energy is much the larger: in parts of the kinetic one it would outweigh all else.
-    potential = max(energy, _largest(trajectory.potential_energy))
     is_angle = np.arange(trajectory.q.shape[1]) < n_angles
     rate = _largest(trajectory.u[:, :n_angles]) or 1.0
-    rows = [
-        Quantity("coordinates", "", trajectory.q, np.where(is_angle, 1.0, reach)),
-        Quantity("speeds of coordinates", "", trajectory.u, np.where(is_angle, rate, speed)),
-        *(Quantity("position", name, m.position, reach) for name, m in markers),
-        *(Quantity("velocity", name, m.velocity, speed) for name, m in markers),
-        *_stops(trajectory),
-        *(Quantity("force", name, f, force) for name, f in trajectory.joint_reactions.items()),
-        Quantity("kinetic energy", "", trajectory.kinetic_energy[:, None], energy),
-        Quantity("potential energy", "", trajectory.potential_energy[:, None], potential),
-    ]
-    return {f"{row.kind} of the {row.subject}" if row.subject else row.kind: row for row in rows}
+    return {
+        "coordinates": np.where(is_angle, 1.0, reach),
+        "speeds of coordinates": np.where(is_angle, rate, speed),
+        **{f"position of the {name}": reach for name, _ in markers},
+        **{f"velocity of the {name}": speed for name, _ in markers},
+        **_stops(trajectory),
+        **{f"force of the {name}": force for name in trajectory.joint_reactions},
+        "kinetic energy": energy,
+        # Of a slow motion it is much the larger: in parts of the kinetic one it would outweigh all else.
+        "potential energy": max(energy, _largest(trajectory.potential_energy)),
+    }
 
 
-def _stops(trajectory: Trajectory) -> list[Quantity]:
+def _stops(trajectory: Trajectory) -> dict[str, float]:
     """Torques and forces of the stops that are closed at the start, in parts of the largest of their unit."""
     stops = [s for s in trajectory.mechanism.stops if s.closed and s.name in trajectory.stop_torques]
-    torques = {stop.name: trajectory.stop_torques[stop.name] for stop in stops}
     peak = {s.force_unit: 0.0 for s in stops}
     for stop in stops:
-        peak[stop.force_unit] = max(peak[stop.force_unit], _largest(torques[stop.name]))
-    return [Quantity(s.effort, s.name, torques[s.name][:, None], peak[s.force_unit] or 1.0) for s in stops]
+        peak[stop.force_unit] = max(peak[stop.force_unit], _largest(trajectory.stop_torques[stop.name]))
+    return {f"{s.effort} of the {s.name}": peak[s.force_unit] or 1.0 for s in stops}
 
 
 def _largest(values: FloatArray) -> float:
@@ -81,27 +81,25 @@ class Channels:
     """Quantities that are not finite, and from which time on [s]."""
 
     @classmethod
-    def of(cls, trajectory: Trajectory, reference: Trajectory) -> Channels:
-        """Those that both have, at the same times."""
-        given, right = quantities(trajectory), quantities(reference)
-        common = [name for name in right if name in given and given[name].values.shape == right[name].values.shape]
-        finite = {name: np.isfinite(given[name].values).all(axis=1) for name in common}
+    def of(cls, trajectory: Trajectory, reference: Trajectory, told: Container[str] | None = None) -> Channels:
+        """Those that both have, at the same times, and of them those that are told."""
+        given, right = _values(trajectory), _values(reference)
+        given = given if told is None else {name: each for name, each in given.items() if name in told}
+        common = [name for name in right if name in given and given[name].shape == right[name].shape]
+        finite = {name: np.isfinite(given[name]).all(axis=1) for name in common}
         unusable = {name: float(trajectory.t[np.argmin(ok)]) for name, ok in finite.items() if not ok.all()}
-        sizes = {name: right[name].size for name in common if name not in unusable}
+        own, others = _sizes(reference), _sizes(trajectory)
+        sizes = {name: own[name] for name in common if name not in unusable}
         # An energy goes with the square of a speed: one that is much too large would outweigh the speeds themselves.
-        larger = {name: max(sizes[name], given[name].size) for name in ENERGIES if name in sizes}
+        larger = {name: max(sizes[name], others[name]) for name in ENERGIES if name in sizes}
         sizes |= {name: size for name, size in larger.items() if math.isfinite(size)}
         return cls(sizes, unusable)
 
     def parts(self, one: Trajectory, other: Trajectory) -> dict[str, FloatArray]:
         """One minus the other at the same times in units of their size, each of shape (n, n_components)."""
-        first, second = quantities(one), quantities(other)
-
-        def of(given: Mapping[str, Quantity], name: str) -> FloatArray:
-            # A suspect may have lost the stop or the joint: then it carries nothing.
-            return given[name].values if name in given else np.zeros_like(second[name].values)
-
-        return {name: (of(first, name) - of(second, name)) / size for name, size in self.sizes.items()}
+        first, second = _values(one), _values(other)
+        # A suspect may have lost the stop or the joint: then it carries nothing.
+        return {name: (first.get(name, 0.0) - second[name]) / size for name, size in self.sizes.items()}
 
     def stacked(self, one: Trajectory, other: Trajectory) -> FloatArray:
         """All parts beside each other, shape (n, n_channels)."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from ..compare.sentences import why
 from ..report.document import Block, Cell, Column, Document, Row, Text, mark_of, row, table, words
 from ..report.numbers import format_number
 from ..report.sections import compared_time
@@ -44,6 +45,7 @@ def _blocks(found: Judgement, line: str) -> Iterator[Block]:
     machine = found.machine
     yield Text(line, "good" if found.outcome is Outcome.AGREES else "bad")
     yield Text(compared_time(machine.launch_time, machine.compared_to, machine.judged_to))
+    yield from why(found)
     yield table(_HEADS, [_row(metric) for metric in found.metrics if metric.observed and metric.follows is None])
     untold: dict[str, list[str]] = {}
     for metric in found.metrics:

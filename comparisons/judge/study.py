@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -16,10 +16,12 @@ from ...models.mechanism import Mechanism
 from ...models.trajectory import PointMotion, Provenance, Trajectory
 from ...reference.equations import Equations
 from ..compare.machine import machine_row
+from ..diagnosis.motion import diagnose_motion, failed_diagnosis
+from ..diagnosis.signatures import ENERGIES
 from ..runs.comparison import not_observed
-from ..runs.results import Machine, Measured, Metric, Outcome, ResultFile, Run, verdict_on
+from ..runs.results import Diagnosis, Machine, Measured, Metric, Outcome, ResultFile, Run, verdict_on
 from ..runs.runner import Runner
-from ..runs.study import REFERENCE, Study
+from ..runs.study import REFERENCE, Counter, Study
 from ..runs.tolerances import judge
 from .impacts import Impact, jumps, merged
 from .impacts import metrics as impact_metrics
@@ -38,6 +40,7 @@ class Judgement(Measured, ResultFile):
     samples: int
     given: tuple[str, ...] = Field(description="columns of the file, and what follows from them by kinematics")
     metrics: tuple[Metric, ...]
+    diagnosis: Diagnosis | None = Field(default=None, description="of a motion that breaks a tolerance")
 
     @property
     def outcome(self) -> Outcome:
@@ -45,11 +48,16 @@ class Judgement(Measured, ResultFile):
         return verdict_on(self.metrics)
 
 
-def judge_file(path: Path, study: Study) -> Judgement:
+def judge_file(path: Path, study: Study, diagnosed: bool = True) -> Judgement:
     """Judge a file on the one mechanism of a study.
 
     Nothing that the file says of itself is believed: mechanism, engine and settings are not read; points and energies
     that it does not give follow from its coordinates and speeds, if it gives those, and else are not judged.
+
+    Args:
+        path: of the file.
+        study: its one mechanism, the end of the compared motion, the law of its stops, and needs.
+        diagnosed: look for the causes of what is broken, which takes seconds.
 
     Raises:
         InputError: the file cannot be read, or is not a motion of the mechanism.
@@ -57,6 +65,8 @@ def judge_file(path: Path, study: Study) -> Judgement:
     """
     (mechanism,) = study.mechanisms
     given = read(path, mechanism)
+    counter = Counter(2, study.progress)
+    counter.start("reference")
     runner = Runner(mechanism, None, study.end_of(mechanism), study.law_of(mechanism))
     machine = machine_row(runner, study.needs)
     own = _Motion(given, runner)
@@ -65,9 +75,11 @@ def judge_file(path: Path, study: Study) -> Judgement:
     # Of no engine: nobody's claims apply, and an event that is given is taken as located.
     run = Run(model=mechanism.name, engine=REFERENCE, preset="file", outcome=Outcome.NOT_JUDGED, engine_version="",
               metrics=metrics)  # fmt: skip
+    counter.start("causes")
+    judged = run.model_copy(update={"metrics": judge(run, machine, study.needs)})
     return Judgement.made_here(
         file=path.name, sha256=given.sha256, machine=machine, samples=len(given.t), given=tuple(sorted(own.told)),
-        metrics=judge(run, machine, study.needs),
+        metrics=judged.metrics, diagnosis=own.diagnosed(judged.broken) if diagnosed and judged.broken else None,
     )  # fmt: skip
 
 
@@ -131,6 +143,32 @@ class _Motion:
     def beside_impacts(self) -> Iterator[Metric]:
         """Impulses, and speeds before and after."""
         return impact_metrics(self.trajectory, self.impacts, self.runner.solution, self.runner.judged_to)
+
+    def diagnosed(self, broken: Sequence[Metric]) -> Diagnosis:
+        """When and in what it leaves the reference, and which faults account for it."""
+        try:
+            return diagnose_motion(
+                broken, self.trajectory, self.runner.solution, self.runner.end, told=frozenset(self._quantities())
+            )
+        except Exception as error:  # it solves many changed mechanisms
+            return failed_diagnosis(broken, error)
+
+    def _quantities(self) -> Iterator[str]:
+        """What the file itself gives, by the names that a diagnosis has for it.
+
+        Without what follows from that: a mistake in its coordinates would show in all points, as a wrong motion does.
+        """
+        m = self.mechanism
+        columns = {
+            **{f"position of the {marker.name}": [f"{marker.name} x"] for marker in m.markers},
+            **{f"velocity of the {marker.name}": [f"{marker.name} vx"] for marker in m.markers},
+            **{f"{stop.effort} of the {stop.name}": [f"stop {stop.name}"] for stop in m.stops},
+            **{f"force of the {joint.name}": [f"joint {joint.name} x"] for joint in m.joints},
+            **{name: [name] for name in ENERGIES},
+            "coordinates": [f"q {name}" for name in m.coordinates],
+            "speeds of coordinates": [f"u {name}" for name in m.coordinates],
+        }
+        yield from (name for name, needed in columns.items() if self.given.values.keys() >= set(needed))
 
     @property
     def _placed(self) -> bool:

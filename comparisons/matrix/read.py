@@ -155,7 +155,7 @@ def _run(run: Run, machine: Machine | None, date: str, version: str) -> MatrixRu
         order=run.order, timestep=step if isinstance(step, float) else None, outcome=run.outcome, message=run.message,
         judged=len(run.judged), held=len(run.judged) - len(run.broken), worst=_worst(run.judged),
         errors=() if machine is None else tuple(_errors(run, machine)),
-        first_in=None if found is None else found.leads, causes=tuple(cause.name for cause in named),
+        first_in=None if found is None or found.note else found.leads, causes=tuple(cause.name for cause in named),
         explained=named[0].explained if named else None, date=date, made_by=version,
     )  # fmt: skip
 

@@ -189,6 +189,11 @@ class Diagnosis(Spec):
     motion_agrees: bool = Field(
         default=False, description="whether the motion follows the reference, so that only what is read from it differs"
     )
+    note: str = Field(
+        default="",
+        exclude_if=lambda value: value == "",
+        description="why no cause was looked for to the end; what leads is then what is worst",
+    )
 
     @property
     def named(self) -> tuple[Cause, ...]:
@@ -201,6 +206,7 @@ class Measured:
 
     if TYPE_CHECKING:
         metrics: tuple[Metric, ...]
+        diagnosis: Diagnosis | None
 
     @property
     def judged(self) -> tuple[Metric, ...]:

@@ -15,6 +15,7 @@ import plugins
 import pytest
 import trebucheck as tb
 from trebucheck.cli.app import main
+from trebucheck.comparisons.converge import floor as floors
 from trebucheck.comparisons.converge import study as studying
 from trebucheck.comparisons.converge.floor import Site, floor, refinements
 from trebucheck.comparisons.converge.orders import (
@@ -37,6 +38,7 @@ from trebucheck.comparisons.runs.runner import run_duration
 from trebucheck.comparisons.runs.store import Store
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.trials import Trials
+from trebucheck.engines.registry import engine_study
 from trebucheck.engines.study import ConstraintKinds
 from trebucheck.models.spec import schema_text
 
@@ -205,8 +207,13 @@ def test_a_floor_is_set_by_what_moves_it() -> None:
     assert "leaves 0.001" in found.evidence and "leaves 0.5" in found.evidence
 
 
-def test_a_floor_that_nothing_moves_is_called_that() -> None:
+def test_a_floor_that_nothing_moves_is_called_that(monkeypatch: pytest.MonkeyPatch) -> None:
     assert floor(_site({}), 0.0).cause == "not found"
+    single = replace(engine_study("mujoco"), single_precision=True)
+    monkeypatch.setattr(floors, "engine_study", lambda _: single)
+    found = floor(_site({}), 0.0)
+    assert found.cause == "single precision" and "rounds to 6.0e-08" in found.evidence
+    assert floor(_site({"solimp": 0.5}), 0.0).cause == "softness of the limits"
 
 
 def test_a_floor_of_the_reference_or_of_rounding() -> None:

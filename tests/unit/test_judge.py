@@ -16,8 +16,10 @@ import trebucheck as tb
 from pydantic import BaseModel
 from trebucheck.cli.app import main
 from trebucheck.comparisons.data.files import content
-from trebucheck.comparisons.judge.report import headline
+from trebucheck.comparisons.judge import study as judge_study
+from trebucheck.comparisons.judge.report import document, headline
 from trebucheck.comparisons.judge.study import NOT_GIVEN, Judgement, judge_file
+from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.runs.results import Metric, Outcome
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.conformance.verdicts import Conformance
@@ -69,6 +71,34 @@ def test_a_whole_file_is_judged_in_everything(motion: tb.Trajectory, tmp_path: P
         assert found.outcome is Outcome.AGREES and not missing
         assert {"position_max", "launch_time", "joint_reaction_max", "energy_balance", "angle_max"} <= judged
         assert all(abs(metric.value or 0.0) <= 1e-3 * (metric.tolerance or 0.0) for metric in found.judged)
+
+
+def test_a_broken_file_gets_its_cause_from_what_it_gives(motion: tb.Trajectory, tmp_path: Path) -> None:
+    """Signs are a mistake of the file's coordinates, whatever points follow from them; without speeds and forces a
+    weaker gravity looks like a slower clock, and both are named."""
+    weak = tb.model(MODEL).model_copy(update={"gravity": 9.75})
+    slow = tb.engine("reference", timestep=5e-3).simulate(tb.Problem(weak, duration=2.0))
+    files = (_csv(tmp_path / "sign.csv", motion, *STATE, scale=-1.0), _csv(tmp_path / "qu.csv", slow, *STATE),
+             _csv(tmp_path / "q.csv", slow, "q theta"))  # fmt: skip
+    found = [_judged(path) for path in files]
+    named = [[cause.name for cause in each.diagnosis.named] if each.diagnosis else [] for each in found]
+    clock, gravity = "rate of time", "gravity"
+    assert "scale of the coordinates and their speeds" in named[0]
+    said = [markdown.text(document(each)) for each in found]
+    assert gravity in said[1] and clock not in named[1]
+    assert gravity in said[2] and clock in named[2]
+    assert "**Why:** Differs from the reference" in said[0]
+    assert _judged(_csv(tmp_path / "right.csv", motion)).diagnosis is None
+
+
+def test_a_diagnosis_that_fails_says_so(motion: tb.Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def too_long(*_: object, **__: object) -> None:
+        raise tb.SimulationError("the diagnosis did not finish within 1 s and was stopped.")
+
+    monkeypatch.setattr(judge_study, "diagnose_motion", too_long)
+    found = _judged(_csv(tmp_path / "sign.csv", motion, *STATE, scale=-1.0))
+    assert "**Why:** No cause is known: the diagnosis did not finish within 1 s" in markdown.text(document(found))
+    assert Judgement.from_json(found.to_json()).diagnosis == found.diagnosis
 
 
 def test_what_is_not_given_is_not_judged_and_nothing_is_believed(motion: tb.Trajectory, tmp_path: Path) -> None:
@@ -198,10 +228,10 @@ def test_impacts_are_judged_by_what_the_file_shows_or_names(tmp_path: Path) -> N
     assert [metric.holds for metric in _of(found, "impact_time")] == [True]
     assert {m.subject for m in _of(found, "impact_speed") if m.holds} >= {"ball"} and found.outcome is Outcome.AGREES
     assert _of(found, "impact_impulse")[0].note == NOT_GIVEN
-    late = judge_file(_bounces(tmp_path / "m.csv", late=0.01), study)
+    late = judge_file(_bounces(tmp_path / "m.csv", late=0.01), study, diagnosed=False)
     assert "impact_time" in {metric.name for metric in late.broken}
     assert abs((_of(late, "impact_time")[0].value or 0.0) - 0.01) < 1e-6
-    slow = judge_file(_bounces(tmp_path / "m.csv", factor=0.99), study)
+    slow = judge_file(_bounces(tmp_path / "m.csv", factor=0.99), study, diagnosed=False)
     assert "impact_speed" in {m.name for m in slow.broken} and "impact_time" not in {m.name for m in slow.broken}
 
 
@@ -211,7 +241,9 @@ def test_impulses_that_a_file_names_are_judged(factor: float, holds: bool, tmp_p
     assert problem is not None
     impacts = solve(problem).impacts
     head = "\n".join(IMPACT.format(t, factor * p["floor"]) for t, p in impacts)
-    (metric,) = _of(judge_file(_bounces(tmp_path / "m.csv", head), Study([problem], [], ())), "impact_impulse")
+    (metric,) = _of(
+        judge_file(_bounces(tmp_path / "m.csv", head), Study([problem], [], ()), diagnosed=False), "impact_impulse"
+    )
     assert metric.holds is holds and metric.unit == "N s"
     expected = (factor - 1) * max(p["floor"] for _, p in impacts)
     assert metric.value == pytest.approx(expected, rel=1e-6, abs=1e-9)

@@ -12,8 +12,9 @@ from trebucheck.comparisons.diagnosis.hypotheses import Component, hypotheses
 from trebucheck.comparisons.diagnosis.motion import diagnose_motion
 from trebucheck.comparisons.diagnosis.ranking import ranked
 from trebucheck.comparisons.diagnosis.response import first_order
+from trebucheck.comparisons.diagnosis.settings import Rerun
 from trebucheck.comparisons.diagnosis.suspects import combined, machine_suspects
-from trebucheck.comparisons.runs.results import Cause, Diagnosis, Metric, Outcome, Run
+from trebucheck.comparisons.runs.results import Cause, Diagnosis, Metric
 from trebucheck.models.trajectory import PointMotion
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.perturbed import WithDamping, WithJoint, WithTiltedGravity
@@ -112,10 +113,7 @@ def _solution() -> Solution:
 
 def _said(trajectory: tb.Trajectory, solution: Solution, end: float = 2.3) -> Diagnosis:
     metric = Metric(name="seeded", value=1.0, unit="1", tolerance=0.5)
-    run = Run(
-        model="m", engine="e", preset="tuned", outcome=list(Outcome)[1], engine_version="1", metrics=(metric,)
-    )  # fmt: skip
-    return diagnose_motion(run, trajectory, solution, end, tb.engine("reference"), lambda *_: trajectory)
+    return diagnose_motion((metric,), trajectory, solution, end, Rerun(tb.engine("reference"), lambda *_: trajectory))
 
 
 def test_a_quantity_that_is_read_strangely_is_named_as_a_reading() -> None:

@@ -1,0 +1,81 @@
+"""Causes that only the engine can show: it is run again with other settings, and what then vanishes was theirs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...engines.protocol import Engine
+from ...engines.registry import causes_of, with_options
+from ...engines.registry import engine as make
+from ...models.arrays import FloatArray
+from ...models.errors import TrebucheckError
+from ...models.mechanism import Mechanism
+from ...models.problem import Problem
+from ...models.trajectory import Trajectory
+from ..runs.results import Cause
+from .case import Case
+from .ranking import SUFFICIENT
+
+Simulate = Callable[[Engine, Problem], Trajectory]
+
+_FIRST_ORDER = 0.8  # share that an eighth of the step takes out of an error of first order, 7/8, less what rounding may
+
+
+@dataclass(frozen=True)
+class Rerun:
+    """An engine with its options, and how it is run again with other ones."""
+
+    engine: Engine
+    simulate: Simulate
+
+    def causes(self, case: Case) -> Iterator[Cause]:
+        """The causes of the engine's error budget, removed one at a time: each explains the part that then vanishes."""
+        size = float(np.linalg.norm(case.deviation))
+        given = case.solution.problem.stop_law
+        problem = Problem(case.mechanism, duration=case.whole.provenance.duration, stop_law=given)
+        for name, amount, changed in _other_settings(self.engine, case.mechanism):
+            try:
+                other = self.simulate(changed, problem)
+            except TrebucheckError:
+                continue
+            left = case.carried(other)
+            explained = 1.0 - float(np.linalg.norm(left)) / size if size else 0.0
+            if _FIRST_ORDER < explained < SUFFICIENT and amount.startswith("timestep "):
+                explained = max(explained, 1.0 - self._beside_first_order(case, problem, changed, left) / size)
+            if explained > 0:
+                yield Cause(name=name, kind="settings", amount=amount, explained=explained)
+
+    def _beside_first_order(self, case: Case, problem: Problem, finer: Engine, left: FloatArray) -> float:
+        """How much of a deviation is no error of first order in the step, of which a finer step leaves a part.
+
+        With d(h) = c h + rest, steps h and r h tell rest = (d(r h) - r d(h)) / (1 - r): the larger one of two, with r
+        of the finer engine and with a half, so that only what falls as the step does is gone. Infinite where half the
+        step cannot be run.
+        """
+        step = self.engine.timestep
+        if step is None or finer.timestep is None:
+            return math.inf
+        try:
+            half = case.carried(self.simulate(with_options(self.engine, {"timestep": 0.5 * step}), problem))
+        except TrebucheckError:
+            return math.inf
+        pairs = ((finer.timestep / step, left), (0.5, half))
+        return max(float(np.linalg.norm((other - r * case.deviation) / (1 - r))) for r, other in pairs)
+
+
+def _other_settings(engine: Engine, mechanism: Mechanism) -> Iterator[tuple[str, str, Engine]]:
+    """The engine without one of its budget's causes, or with one option as tuned; name, amount, engine."""
+    options = engine.settings
+    known: set[str] = set()
+    for cause in causes_of(engine, mechanism):
+        if cause.removal is not None and cause.removal.options:
+            known |= cause.removal.options.keys()
+            yield cause.name, cause.removal.described(options), with_options(engine, cause.removal.options)
+    tuned = make(engine.name, "tuned").settings
+    for name, value in options.items():
+        if name in tuned and value != tuned[name] and name not in known | {"timestep"}:
+            yield f"option {name}", f"{value}; tuned: {tuned[name]}", with_options(engine, {name: tuned[name]})
