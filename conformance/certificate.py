@@ -28,7 +28,7 @@ from ..comparisons.report.document import (
 from ..comparisons.report.numbers import format_number
 from ..engines.inspection import Inspectable
 from ..engines.protocol import Capabilities
-from ..engines.registry import engine, engine_class
+from ..engines.registry import capabilities_of, engine, engine_class
 from ..models.errors import TrebucheckError
 from .problems import STANDARD, given, missing
 from .suite import INTERFACE
@@ -116,7 +116,7 @@ def optional_steps(label: str) -> Iterator[str]:
         label: engine/preset.
     """
     name, _, preset = label.partition("/")
-    capabilities = engine_class(name).capabilities
+    capabilities = capabilities_of(name, preset)
     needed: dict[str, list[str]] = {}
     for problem in STANDARD:
         for feature in missing(*given(problem), capabilities):

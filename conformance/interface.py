@@ -13,7 +13,7 @@ import numpy as np
 from ..comparisons.runs.validity import refuse_invalid
 from ..comparisons.runs.worker import Worker, simulate
 from ..engines.protocol import Capabilities, Engine
-from ..engines.registry import EngineClass, engine, engine_class
+from ..engines.registry import EngineClass, capabilities_of, engine, engine_class
 from ..models.errors import InputError, SimulationError, TrebucheckError, UnsupportedProblemError
 from ..models.problem import Problem
 from ..models.trajectory import Trajectory
@@ -45,7 +45,8 @@ class _Subject:
     @property
     def fitting(self) -> list[str]:
         """Problems that it declares to be able to build."""
-        return [p for p in self.problems if not missing(*given(p), self.cls.capabilities)]
+        capabilities = capabilities_of(self.name, self.preset)
+        return [p for p in self.problems if not missing(*given(p), capabilities)]
 
     def made(self) -> Engine:
         return engine(self.name, self.preset)
@@ -194,7 +195,7 @@ def _sampled(one: Trajectory, other: Trajectory) -> Iterator[tuple[str, np.ndarr
 
 def _refuses_the_rest(s: _Subject) -> str:
     """What it does not declare it must refuse, by UnsupportedProblemError, rather than move something else."""
-    capabilities, made, seen = s.cls.capabilities, s.made(), set[str]()
+    capabilities, made, seen = capabilities_of(s.name, s.preset), s.made(), set[str]()
     for problem in STANDARD:
         lacking = missing(*given(problem), capabilities)
         if not lacking or seen.issuperset(lacking):

@@ -51,7 +51,7 @@ class Session:
             InputError: a name, a value or a file is not valid.
         """
         if str(folder) not in sys.path:
-            sys.path.insert(0, str(folder))
+            sys.path.append(str(folder))  # behind all that is installed: a file `rich.py` there is not meant for us
         if not options["timeout"] > 0:
             raise InputError(f"timeout = {options['timeout']!r} s must be positive.")
         names = tuple(dict.fromkeys(options["problem"] or problems_of(options["tier"])))

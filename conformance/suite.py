@@ -17,7 +17,7 @@ from ..comparisons.runs.results import Metric, Outcome, Run
 from ..comparisons.runs.study import Study
 from ..comparisons.runs.worker import Worker
 from ..engines.protocol import Capabilities, Engine
-from ..engines.registry import announce, engine_class
+from ..engines.registry import announce, capabilities_of, engine_class
 from ..models.errors import InputError, TrebucheckError
 from . import interface
 from .problems import check_name, given, missing, quantities
@@ -111,10 +111,10 @@ class Suite:
         """End the engine's process."""
         self._worker.close()
 
-    @property
+    @cached_property
     def capabilities(self) -> Capabilities:
-        """That the engine declares."""
-        return engine_class(self.target.engine).capabilities
+        """That the engine declares with the options of its preset."""
+        return capabilities_of(self.target.engine, self.target.preset)
 
     @cached_property
     def version(self) -> str:

@@ -142,6 +142,16 @@ def test_an_engine_that_is_absent_is_skipped_unless_it_is_required() -> None:
         assert any("engine 'uninstalled' is not installed here." in step for step in next_steps(results))
 
 
+def test_what_a_preset_takes_away_is_no_declaration_that_it_breaks() -> None:
+    """MuJoCo's stock preset has no restitution: its suite skips and names it, and the preset that has one is judged."""
+    stock, tuned = (_suite(f"mujoco/{preset}", ("falling-rod",)) for preset in ("stock", "tuned"))
+    problem = "falling-rod"
+    ids = [[id for id in suite.ids if f"/{problem}/" in id] for suite in (stock, tuned)]
+    assert [len(each) > 1 for each in ids] == [False, True]
+    verdict = stock.verdict(ids[0][0])
+    assert verdict.state is State.SKIPPED and "restitution" in verdict.text
+
+
 def test_an_absent_engine_says_itself_what_is_missing() -> None:
     suite = Suite(Target.of("dummy_engines:Bridged"), ("catapult",), REFERENCES, isolate=False)
     assert {verdict.text for verdict in suite.verdicts()} == {"bridged runs in node, which is not on the path"}
