@@ -11,7 +11,7 @@ from trebucheck.engines.plain_run import plain_run
 from trebucheck.engines.point_masses import LeastInertia
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
-from trebucheck.models.features import Feature
+from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import NonNegative
@@ -39,7 +39,8 @@ class Box2DEngine(BuiltinEngine):
         stop_laws=frozenset(StopLaw),
         formulation="Cartesian coordinates in single precision, joints and limits by sequential impulses, "
         "semi-implicit Euler",
-        features=frozenset(Feature),
+        features=frozenset(Feature) - {Feature.MOVING_WALL},
+        lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
     )
     stock_options: ClassVar[Mapping[str, object]] = {
         "velocity_iterations": 8, "position_iterations": 3, "set_back": 0.0,
@@ -57,11 +58,6 @@ class Box2DEngine(BuiltinEngine):
         "active only where the angle is not short of it by rounding",
     )  # fmt: skip
     least_inertia: LeastInertia = 1e-3
-
-    @property
-    def resolves_impacts(self) -> bool:
-        """Whether it follows the restitution of a stop: Box2D's joint limits have none."""
-        return False
 
     def _run(self, problem: Problem) -> Recording:
         from .motion import Motion

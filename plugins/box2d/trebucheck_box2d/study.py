@@ -33,6 +33,7 @@ STUDY = EngineStudy(
     causes=_causes,
     step_orders={"tuned": StepOrder(1.0, _REASON, _SCHEME), "stock": StepOrder(1.0, _REASON, _SCHEME)},
     option_sets=(STOCK_SET, TUNED_SET),
+    single_precision=True,
     tolerances=(
         Tolerance("tuned", "position_max", 4e-2, 1e-3, 1, "first order: up to 40 m/s times a step"),
         Tolerance("tuned", "release_time", 5e-3, 1e-3, 1, "two steps by scheme and end, three by rounding"),

@@ -14,7 +14,6 @@ from trebucheck.engines.plain_run import plain_run
 from trebucheck.engines.protocol import Recording
 from trebucheck.engines.schemes import State
 from trebucheck.models.applied_forces import AppliedForces
-from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
@@ -94,11 +93,6 @@ class Motion:
 
 def _limits(built: Built) -> dict[str, tuple[Any, int]]:
     """Set the limits of the plant's joints; of each stop, its joint and the sense in which it turns it."""
-    loops = [joint.name for joint in built.mechanism.loop_joints]
-    if loops:
-        raise UnsupportedProblemError(
-            f"drake's discrete plant does not tell the forces of the constraints that close loops ({', '.join(loops)})."
-        )
     limits = JointLimits(built.coordinates, "drake's discrete plant").limits
     for index, (low, high) in Limit.ranges(limits.values()).items():
         built.moving[index].set_position_limits([low], [high])

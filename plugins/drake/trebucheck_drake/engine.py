@@ -10,7 +10,7 @@ from trebucheck.engines.event_driver import EventDriver
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
-from trebucheck.models.features import Feature
+from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Real
@@ -59,9 +59,9 @@ class DrakeEngine(BuiltinEngine):
     )
 
     @property
-    def resolves_impacts(self) -> bool:
-        """Whether it follows the restitution of a stop: a discrete plant's limits are met without rebound."""
-        return self.mode == "continuous"
+    def lacking(self) -> frozenset[Basic | Feature]:
+        """A discrete plant's limits are those of joints, without rebound, and forces that close loops untold."""
+        return frozenset() if self.mode == "continuous" else frozenset({Basic.LOOP, Basic.POINT_STOP, Basic.REBOUND})
 
     def _run(self, problem: Problem) -> Recording:
         if self.mode == "discrete":

@@ -11,11 +11,16 @@ from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.plain_run import plain_run
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
-from trebucheck.models.features import Feature
+from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 
 from .study import STUDY
+
+_OF_MULTIPLIERS = frozenset(
+    {Basic.LOOP, Basic.POINT_STOP, Basic.REBOUND}
+    | {Feature.SPRING, Feature.ROTATIONAL_SPRING, Feature.FORCE, Feature.TORQUE}
+)
 
 
 class MjxEngine(BuiltinEngine):
@@ -54,9 +59,9 @@ class MjxEngine(BuiltinEngine):
     )
 
     @property
-    def resolves_impacts(self) -> bool:
-        """Whether it follows the restitution of a stop: soft limits give back what their springs do."""
-        return self.limits == "multipliers"
+    def lacking(self) -> frozenset[Basic | Feature]:
+        """What multipliers bring: MJX's own limits are taken for stops on angles alone."""
+        return frozenset() if self.limits == "multipliers" else _OF_MULTIPLIERS
 
     def _run(self, problem: Problem) -> Recording:
         if self.limits == "multipliers":

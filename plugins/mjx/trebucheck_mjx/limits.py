@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 from trebucheck.engines.event_driver import Observation
 from trebucheck.engines.schemes import State
-from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.mechanism import Mechanism
 
@@ -19,15 +18,7 @@ class LimitedMotion:
     """The model with joint limits, in its present state."""
 
     def __init__(self, mechanism: Mechanism, timestep: float, *, double: bool) -> None:
-        """Build it.
-
-        Raises:
-            UnsupportedProblemError: there are loops, force elements or stops on points.
-        """
-        if mechanism.loop_joints or mechanism.force_elements or mechanism.point_stops:
-            raise UnsupportedProblemError(
-                "mjx's own limits are taken for stops on angles alone, without loops and force elements."
-            )
+        """Build it."""
         self.built = Built(mechanism, timestep, double=double)
         self.reader, self.mechanism = Reader(self.built), mechanism
         self.kinematics = Kinematics(mechanism)

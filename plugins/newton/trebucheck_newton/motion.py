@@ -8,7 +8,7 @@ from dataclasses import replace
 import newton
 import numpy as np
 from trebucheck.engines.event_driver import Observation
-from trebucheck.engines.joint_tree import JointLimits, refuse_loops, without_others
+from trebucheck.engines.joint_tree import JointLimits, without_others
 from trebucheck.engines.plain_run import StepAhead
 from trebucheck.engines.schemes import State
 from trebucheck.models.applied_forces import AppliedForces
@@ -22,7 +22,6 @@ class Motion(StepAhead):
     """The solver, whose limits stay where they are when they have opened."""
 
     def __init__(self, problem: Problem, tree: NewtonTree) -> None:
-        refuse_loops(problem.mechanism, "newton's articulation")
         self.tree, self.to = tree, tree.coordinates
         self.places = JointLimits(self.to, "newton").places
         self.applied = AppliedForces(Kinematics(problem.mechanism))

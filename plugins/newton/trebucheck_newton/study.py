@@ -13,6 +13,7 @@ STUDY = EngineStudy(
         "stock": EULER_STEPS,
     },
     option_sets=(STOCK_SET, TUNED_SET),
+    single_precision=True,
     tolerances=(
         Tolerance("tuned", "release_time", 2e-3, 1e-3, 1, "at a step's end, of limits that have settled in 0.1 s"),
         *EULER_TOLERANCES,

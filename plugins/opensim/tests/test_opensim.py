@@ -35,5 +35,5 @@ def test_limit_forces_hold_the_stops_softly() -> None:
 def test_loops_and_springs() -> None:
     for name in ("slider-crank", "oscillator"):
         assert _error(benchmark(name).problem().model_copy(update={"duration": 0.5}), timestep=2e-3) < 1e-6
-        with pytest.raises(tb.UnsupportedProblemError, match="no loops and no force elements"):
+        with pytest.raises(tb.UnsupportedProblemError, match=r"no (loops of joints|springs)"):
             tb.engine("opensim", "stock").simulate(benchmark(name).problem())

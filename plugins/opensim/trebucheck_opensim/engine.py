@@ -11,12 +11,17 @@ from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.plain_run import plain_run
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
-from trebucheck.models.features import Feature
+from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Positive, Real
 
 from .study import STUDY
+
+_OF_LOCKS = frozenset(
+    {Basic.LOOP, Basic.POINT_STOP, Basic.REBOUND}
+    | {Feature.SPRING, Feature.ROTATIONAL_SPRING, Feature.FORCE, Feature.TORQUE}
+)
 
 
 class OpenSimEngine(BuiltinEngine):
@@ -61,9 +66,9 @@ class OpenSimEngine(BuiltinEngine):
     limit_transition: Positive = Field(default=0.01, description="angle to a limit force's full stiffness [degrees]")
 
     @property
-    def resolves_impacts(self) -> bool:
-        """Whether it follows the restitution of a stop: limit forces give back what their springs do."""
-        return self.limits == "locks"
+    def lacking(self) -> frozenset[Basic | Feature]:
+        """What locks bring: limit forces act on joints alone, and give back what their springs do."""
+        return frozenset() if self.limits == "locks" else _OF_LOCKS
 
     def _run(self, problem: Problem) -> Recording:
         from .motion import Motion

@@ -35,10 +35,8 @@ class LimitedMotion:
             width: of their transition to the full stiffness [degrees].
 
         Raises:
-            UnsupportedProblemError: there are loops or force elements, or a stop is on no joint.
+            UnsupportedProblemError: a stop is on no joint.
         """
-        if not motion.plain:
-            raise UnsupportedProblemError("opensim's stock preset has no loops and no force elements.")
         self.motion, self.limits = motion, motion.limits
         for stop in mechanism.stops:
             if stop.name not in self.limits:

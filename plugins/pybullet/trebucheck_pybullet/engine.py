@@ -12,7 +12,7 @@ from trebucheck.engines.joint_tree import LimitedMotion, TreeMotion
 from trebucheck.engines.plain_run import plain_run
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
-from trebucheck.models.features import Feature
+from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import NonNegative
@@ -57,9 +57,9 @@ class PyBulletEngine(BuiltinEngine):
     )
 
     @property
-    def resolves_impacts(self) -> bool:
-        """Whether it follows the restitution of a stop: Bullet's joint limits have none."""
-        return self.mode == "dynamics"
+    def lacking(self) -> frozenset[Basic | Feature]:
+        """Bullet's own steps are of trees, with limits of joints, without restitution."""
+        return frozenset() if self.mode == "dynamics" else frozenset({Basic.LOOP, Basic.POINT_STOP, Basic.REBOUND})
 
     def _run(self, problem: Problem) -> Recording:
         from .tree import BulletTree
