@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from page_checks import DESKTOP
+from page_checks import DESKTOP, looks
 from trebucheck.comparisons.report import html
 from trebucheck.comparisons.report.document import Document, Figure
 from trebucheck.comparisons.report.plots import Axis, Plot, Series
@@ -26,6 +26,8 @@ def test_a_logarithmic_axis_has_at_least_two_numbers(show: Any, tmp_path: Path) 
     )
     path = tmp_path / "ticks.html"
     path.write_text(html.page(Document("Ticks", (Figure(panels, "Spans", columns=2),))), encoding="utf-8")
-    counts = show(path).look(DESKTOP).evaluate(LABELS)
+    page = show(path).look(DESKTOP)
+    looks(page, "unfold()")  # a plot is drawn when it is seen, which may be after the page is loaded
+    counts = page.evaluate(LABELS)
     assert len(counts) == len(SPANS)
     assert min(least for pair in counts for least in pair) >= 2
