@@ -99,11 +99,18 @@ def _release(line: str, mechanism: Mechanism) -> dict[str, float | None]:
         return {}
     name, unit = split_heading(text.removeprefix("release "))
     _stop(name, mechanism)
-    factor = Kind(f"release {name}", _TIMES).factor(unit)
-    return {name: None if value.strip() == "never" else factor * _number(value, f"release {name}")}
+    return {name: None if value.strip() == "never" else _time(f"release {name}", unit, value)}
 
 
 _TIMES = {"s": 1.0, "ms": 1e-3}
+
+
+def _time(what: str, unit: str, value: str) -> float:
+    """Of an event [s]."""
+    at = Kind(what, _TIMES).factor(unit) * _number(value, what)
+    if at < 0:
+        raise InputError(f"{what} is {at:.6g} s; a time from 0 on is needed")
+    return at
 
 
 def _stop(name: str, mechanism: Mechanism) -> AnyStop:
@@ -122,9 +129,7 @@ def _impact(line: str, mechanism: Mechanism) -> list[Impact]:
     name, unit = split_heading(text.removeprefix("impact "))
     stop = _stop(name, mechanism)
     time, _, rest = value.partition(",")
-    at = Kind(f"impact {name}", _TIMES).factor(unit) * _number(time, f"impact {name}")
-    if at < 0:
-        raise InputError(f"impact {name} is {at:.6g} s; a time from 0 on is needed")
+    at = _time(f"impact {name}", unit, time)
     if not rest.strip():
         return [Impact(name, at)]
     told, _, size = rest.partition("=")
@@ -277,7 +282,11 @@ def _releases(dataset: Any, mechanism: Mechanism) -> dict[str, float | None]:
     names: Iterable[str] = map(str, dataset["releasable_stop"].values)
     pairs = zip(names, np.asarray(dataset["release_time"].values, dtype=np.float64), strict=True)
     known_stops = {stop.name for stop in mechanism.stops}
-    return {name: None if np.isnan(time) else float(time) for name, time in pairs if name in known_stops}
+    found = {name: None if np.isnan(time) else float(time) for name, time in pairs if name in known_stops}
+    for name, at in found.items():
+        if at is not None and not 0 <= at <= _SIZE:
+            raise InputError(f"release_time of {name!r} is {at:.6g} s; a time from 0 on is needed")
+    return found
 
 
 def _impacts(dataset: Any, mechanism: Mechanism) -> list[Impact]:

@@ -6,6 +6,7 @@ import itertools
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -277,6 +278,23 @@ def test_a_broken_impact_is_one_sentence_with_its_line(head: str, said: str, tmp
     (tmp_path / "m.csv").write_text(f"{head}\nt [s],q x [m]\n0,1\n1,1\n")
     with pytest.raises(tb.InputError, match=re.escape(said)):
         judge_file(tmp_path / "m.csv", Study([library_problem("bouncing") or ""], [], ()))
+
+
+@pytest.mark.parametrize("name", ["my.csv", "my.nc"])
+def test_a_release_before_the_start_is_one_sentence(name: str, tmp_path: Path, refused: Callable[..., str]) -> None:
+    motion = tb.engine("reference", timestep=1e-2).simulate(tb.Problem(tb.fixed(), duration=0.1))
+    wrong = replace(motion, release_times={**motion.release_times, "hanger rest": -0.8})
+    if name == "my.nc":
+        save(wrong, tmp_path / name)
+    else:
+        _csv(
+            tmp_path / name,
+            wrong,
+            *(f"q {q}" for q in wrong.mechanism.coordinates),
+            head="# release hanger rest [s] = -0.8\n",
+        )
+    assert "hanger rest" in (sentence := refused("judge", name, "--model", "fixed"))
+    assert "is -0.8 s; a time from 0 on is needed" in sentence
 
 
 def test_no_netcdf_is_one_sentence(tmp_path: Path, refused: Callable[..., str]) -> None:
