@@ -19,6 +19,7 @@ from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
 from .assembly import Assembly
 from .loads import Pose
+from .passes import convergence
 from .read import Samples, samples_of
 from .rods import Pivot, Row, SlidingRod, corrected
 
@@ -35,13 +36,11 @@ STEP = 1.0  # [s] of the step whose velocity increment is settled
 _FIRST_PASSES, _ROUNDS = 500, 12
 _SETTLED = 5e-14  # change of the velocities in a round: some 200 roundings, the noise that remains
 _ENOUGH = 1e-11  # a tenth of the tolerance to which models are compared; rounding errors add up over the passes
+_MOST = 1e-10  # that tolerance: rounding errors of impulses that have converged may be no larger
 
-MOST_PASSES = 20_000  # in a step of loops that need more than the option says
-_ROUNDING = 1e-12  # of the reach: error of impulses where there are none
 _MOST_START_PASSES = 200_000  # in one of the rounds, twice as many as before each
-_STARTED = 1e-9  # of the increment at the start: change in a round
+STARTED = 1e-9  # of the increment at the start: change in a round
 _LAST_BITS = 1e-15  # of the reach: rounding error of a position, which a joint undoes in the step
-_TRACKED = 1e-3  # of the change in a step: error of the impulses that is let be
 
 
 class Stepper:
@@ -205,7 +204,7 @@ class Stepper:
             # The step is repeated from the same state, and starts with the impulses found so far.
             _step_to(self.assembly, places, before, h, passes)
             last, increment = increment, self.assembly.rates - before
-            if np.abs(increment - last).max() <= max(_STARTED * np.abs(increment).max(), rounding):
+            if np.abs(increment - last).max() <= max(STARTED * np.abs(increment).max(), rounding):
                 break
             passes *= 2
         self.assembly.rates = before + increment / 2
@@ -238,44 +237,27 @@ def settled_increment(assembly: Assembly) -> FloatArray:
     before, places = assembly.rates, _places(assembly)
     # A joint's error has the rounding of its ends' positions, however small the accelerations are.
     reach = max(abs(complex(*position)) for position, _ in places) / STEP
-    increment, change = np.full_like(before, np.inf), math.inf
+    needed, taken = convergence(assembly).passes_to(_SETTLED), 0
+    increment, change, enough = np.full_like(before, np.inf), math.inf, _ENOUGH
     for doublings in range(_ROUNDS):
         # The step is repeated from the same state, and starts with the impulses found so far.
         _step_to(assembly, places, before, STEP, _FIRST_PASSES * 2**doublings)
+        taken += _FIRST_PASSES * 2**doublings
         last, increment = increment, assembly.rates - before
         size, previous = max(float(np.abs(increment).max()), reach), change
         difference = float(np.abs(increment - last).max())
         change = difference / size if size > 0 else difference  # at rest at the origin nothing has a size
-        if change <= _SETTLED or previous < change <= _ENOUGH:
+        enough = _MOST if taken >= needed else _ENOUGH
+        if change <= _SETTLED or ((previous < change or taken >= needed) and change <= enough):
             break
-    if not change <= _ENOUGH:
+    if not change <= enough:
         raise SimulationError(
             f"pymunk's impulses on {assembly.mechanism.name!r} are not settled after "
-            f"{assembly.space.iterations} passes: its masses differ too much, or constraints are nearly parallel."
+            f"{assembly.space.iterations} passes, which change them by {change:.2g} still: its masses differ too much, "
+            "or constraints are nearly parallel."
         )
     assembly.rates = before
     return increment
-
-
-def passes_needed(assembly: Assembly, least: int) -> int:
-    """Passes after which impulses from nothing are those of twice as many and more, to `_TRACKED`; at least so many.
-
-    A step starts with the impulses of the last one. What it is to find is their change, so a run's error is that small
-    a part of a change in a step.
-    """
-    before, places, passes = assembly.rates, _places(assembly), least
-    rounding = _ROUNDING * max(abs(complex(*position)) for position, _ in places) / STEP
-    _step_to(assembly, places, before, STEP, least)
-    increment, taken = assembly.rates - before, least
-    while taken < MOST_PASSES:
-        passes *= 2
-        _step_to(assembly, places, before, STEP, passes)
-        last, increment = increment, assembly.rates - before
-        if np.abs(increment - last).max() <= max(_TRACKED * np.abs(increment).max(), rounding):
-            break
-        taken += passes
-    assembly.rates = before
-    return min(taken, MOST_PASSES)
 
 
 def _places(assembly: Assembly) -> list[_Place]:

@@ -14,8 +14,9 @@ from ...models.mechanism import Mechanism
 from ..contact_events import Contacts, active_contacts
 from ..protocol import Recording
 from .build import build
-from .leapfrog import MOST_PASSES, Stepper, passes_needed
+from .leapfrog import STARTED, Stepper
 from .options import PymunkOptions
+from .passes import MOST_PASSES, TRACKED, Convergence, convergence, growth
 from .reactions import forces_of, mass_matrix
 from .read import Reading
 
@@ -81,13 +82,16 @@ class Segment:
         self.regimes = [(0, tuple(assembly.stops))]
         """First sample and active stops of each interval between releases."""
         self._impulses: dict[str, float] = {}
+        self._grown = 1.0
+        """Factor by which the slowest mode's error has grown since passes were last enough to let it decay."""
 
     def begin(self) -> None:
         """The first sample, and without the leapfrog the first step."""
         stepper = self.stepper
-        passes = self._passes(*initial_state(self.assembly.mechanism))
+        closed = self._checks_passes
+        passes = self._passes(self._convergence(*initial_state(self.assembly.mechanism)) if closed else None)
         # Stops that meet the joints as well as those of a machine do start with the passes that the option says.
-        settle = self._checks_passes and (bool(self.assembly.mechanism.loop_joints) or passes > self.options.iterations)
+        settle = closed and (bool(self.assembly.mechanism.loop_joints) or passes > self.options.iterations)
         stepper.start(max(self.options.start_iterations, passes), self.options.leapfrog, settle)
         if not self.options.leapfrog:
             # The first step has no impulses to start from; a leapfrog has found them at the start.
@@ -101,12 +105,18 @@ class Segment:
             SimulationError: loops are so nearly rigid or singular that their impulses do not converge.
         """
         while self._checks_passes and self.stepper.steps < last:
-            first, end = self.stepper.steps, min(last, self.stepper.steps + _CHECKED)
+            first = self.stepper.steps
             (q, *_), (u, *_) = self.reading(first, first).coordinates()
-            passes = self._passes(q, u)
+            found = self._convergence(q, u)
+            passes = self._passes(found)
+            rate = 0.0 if found is None else growth(found.left_after(passes))
+            # Singular positions are passed in a few steps, during which impulses need not converge.
+            end = min(last, first + (_CHECKED if rate < 1.0 else 1))
             self._advance(end, passes)
             if passes >= MOST_PASSES:
                 self._refuse_open_loops(end)
+            if found is not None:
+                self._note_growth(found, passes, rate, end)
         self._advance(last, self.options.iterations)
 
     @property
@@ -118,14 +128,20 @@ class Segment:
         closed = bool(self.assembly.mechanism.loop_joints or self.assembly.stops)
         return self.options.hold_lengths and closed
 
-    def _passes(self, q: FloatArray, u: FloatArray) -> int:
-        """Passes that a step from a state needs, shapes (n_q,)."""
-        least, mechanism = self.options.iterations, self.assembly.mechanism
-        if not (self._checks_passes and np.isfinite([q, u]).all()):
-            return least
+    def _passes(self, found: Convergence | None) -> int:
+        """Passes of a step: as many as it needs, up to `MOST_PASSES`, and no less than the option says."""
+        needed = 1 if found is None else min(found.passes_to(TRACKED), MOST_PASSES)
+        return max(needed, self.options.iterations)
+
+    def _convergence(self, q: FloatArray, u: FloatArray) -> Convergence | None:
+        """Of the assembly in a state, shapes (n_q,); None where the run has lost it."""
+        if not np.isfinite([q, u]).all():
+            return None
         # Not validated: stops keep the word on whether they are closed at the start, which decides on the bodies.
-        there = mechanism.model_copy(update={"start": tuple(q.tolist()), "start_speeds": tuple(u.tolist())})
-        return passes_needed(build(there, tuple(self.assembly.stops), 0.0, self.options.pivot_mass), least)
+        there = self.assembly.mechanism.model_copy(
+            update={"start": tuple(q.tolist()), "start_speeds": tuple(u.tolist())}
+        )
+        return convergence(build(there, tuple(self.assembly.stops), 0.0, self.options.pivot_mass))
 
     def _refuse_open_loops(self, k: int) -> None:
         mechanism = self.assembly.mechanism
@@ -137,6 +153,16 @@ class Segment:
                     f"at t = {self.times()[k]:.6g} s: it is rigid or nearly singular there; its points are "
                     f"{gaps[joint.name][0]:.2g} m apart."
                 )
+
+    def _note_growth(self, found: Convergence, passes: int, rate: float, k: int) -> None:
+        """Refuse a mode that so many passes hardly see, once its error has grown beyond what is let be of impulses."""
+        self._grown = self._grown * rate if rate >= 1.0 else 1.0
+        if self._grown * STARTED > TRACKED:
+            raise SimulationError(
+                f"pymunk's impulses do not converge at t = {self.times()[k]:.6g} s: constraints on "
+                f"{' and '.join(map(repr, found.slowest(passes)))} are nearly parallel there, so that {passes} passes "
+                f"leave {found.left_after(passes):.2g} of an error, which grows where that is above 0.5."
+            )
 
     def _advance(self, last: int, iterations: int) -> None:
         stepper = self.stepper
