@@ -146,15 +146,21 @@ def engine_document(name: str) -> Document:
     """
     from ..comparisons.report.document import Column, Document, Text, ranked, table, words
     from ..engines.option_table import option_table
-    from ..engines.registry import engine_class
+    from ..engines.registry import engine_class, supplied_in
+    from ..engines.supplied import sentence
 
     cls = engine_class(name)
     version = cls.version() if cls.is_installed() else "not installed"
     rows = [(each.name, _defaults(each), _sentence(each)) for each in option_table(name)]
     heads = (Column("option"), words("default"), words("meaning and values"))
     about = Text(cls.capabilities.formulation, "strong", lead=f"{name} ({version}):")
+    own = (
+        Text(sentence(given), lead=f"{preset}:")
+        for preset in cls.presets()
+        if (given := supplied_in(name, preset)) is not None
+    )
     none = () if rows else (Text(f"{name} does not say which options it has."),)
-    return Document(name, (about, table(ranked(heads, default=0, meaning_and_values=0), rows), *none))
+    return Document(name, (about, *own, table(ranked(heads, default=0, meaning_and_values=0), rows), *none))
 
 
 def _defaults(option: OptionRow) -> str:

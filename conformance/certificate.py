@@ -29,6 +29,7 @@ from ..comparisons.report.numbers import format_number
 from ..engines.inspection import Inspectable
 from ..engines.protocol import Capabilities
 from ..engines.registry import capabilities_of, engine, engine_class
+from ..engines.supplied import sentence
 from ..models.errors import TrebucheckError
 from .problems import STANDARD, given, missing
 from .suite import INTERFACE
@@ -71,9 +72,18 @@ def certificate(results: Conformance) -> Document:
             Tile(str(counts[State.SKIPPED]), "skipped"),
         )
     )
-    blocks: list[Block] = [Text(line, "good" if results.passed else "bad"), tiles, *_next(results), *_tables(results)]
+    blocks: list[Block] = [Text(line, "good" if results.passed else "bad"), tiles, *_own(results)]
+    blocks += [*_next(results), *_tables(results)]
     title = f"Conformance of {', '.join(results.engines)}"
     return Document(title, tuple(blocks), window=title, command=results.command or "", verdict=line)
+
+
+def _own(results: Conformance) -> Iterator[Text]:
+    """What each engine does itself: what it conforms with."""
+    for label in results.engines:
+        given = results.supplied.get(label)
+        said = "The engine does not say what of a run is its own." if given is None else sentence(given)
+        yield Text(said, lead=f"{label}:" if len(results.engines) > 1 else "")
 
 
 def _next(results: Conformance) -> Iterator[Block]:

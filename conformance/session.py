@@ -91,8 +91,9 @@ class Session:
     def results(self) -> Conformance:
         """What has been judged so far."""
         versions = {suite.target.label: suite.version for suite in self._suites}
+        supplied = {suite.target.label: suite.supplied for suite in self._suites}
         verdicts = tuple(self._found[id] for id in self.ids if id in self._found)
-        return Conformance.made_here(engines=versions, tier=self._tier, verdicts=verdicts)
+        return Conformance.made_here(engines=versions, supplied=supplied, tier=self._tier, verdicts=verdicts)
 
     def write(self) -> None:
         """The verdicts, where a file was named and there are any; raises InputError if it cannot be written."""

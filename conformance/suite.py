@@ -17,7 +17,7 @@ from ..comparisons.runs.results import Metric, Outcome, Run
 from ..comparisons.runs.study import Study
 from ..comparisons.runs.worker import Worker
 from ..engines.protocol import Capabilities, Engine
-from ..engines.registry import announce, capabilities_of, engine_class
+from ..engines.registry import announce, capabilities_of, engine_class, supplied_in
 from ..models.errors import InputError, TrebucheckError
 from . import interface
 from .problems import check_name, given, missing, quantities
@@ -115,6 +115,11 @@ class Suite:
     def capabilities(self) -> Capabilities:
         """That the engine declares with the options of its preset."""
         return capabilities_of(self.target.engine, self.target.preset)
+
+    @cached_property
+    def supplied(self) -> dict[str, str] | None:
+        """What trebucheck does in the engine's place, as it says; None if it does not."""
+        return supplied_in(self.target.engine, self.target.preset)
 
     @cached_property
     def version(self) -> str:

@@ -81,6 +81,10 @@ class Conformance(ResultFile):
 
     format: Literal["trebucheck-conformance-1"] = FORMAT
     engines: dict[str, str] = Field(description="version by engine/preset")
+    supplied: dict[str, dict[str, str] | None] = Field(
+        default_factory=dict,
+        description="by engine/preset, what trebucheck does in the engine's place; null: it does not say",
+    )
     tier: str
     verdicts: tuple[Verdict, ...]
 

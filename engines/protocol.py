@@ -30,6 +30,7 @@ from ..models.problem import Problem, StopLaw
 from ..models.spec import Positive, Spec
 from ..models.trajectory import PointMotion, Provenance, Trajectory
 from .study import EngineStudy
+from .supplied import NOTHING, Supplied
 
 _MOST_STEPS = 20_000_000
 # Of a run's samples while it is read, sent from its process, compared and written: seven were measured for an engine
@@ -249,6 +250,11 @@ class BuiltinEngine(EngineOptions, ABC):
     def lacking(self) -> frozenset[Basic | Feature]:
         """Elements that it cannot build with these options, beside those that its capabilities lack."""
         return frozenset()
+
+    @property
+    def supplied(self) -> Supplied:
+        """What trebucheck does of a run in the engine's place, with these options; nothing by default."""
+        return NOTHING
 
     @abstractmethod
     def _run(self, problem: Problem) -> Recording:

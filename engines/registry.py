@@ -15,17 +15,14 @@ from pathlib import Path
 from typing import Any, Protocol, cast
 
 from pydantic import JsonValue
-from pydantic_core import to_jsonable_python
 
 from ..models.errors import InputError
-from ..models.features import Basic, Feature, refuse_features
 from ..models.mechanism import Mechanism
-from ..models.problem import Problem
 from ..models.spec import Spec
-from ..models.trajectory import Trajectory
-from .inspection import Inspectable, Inspection, State
-from .protocol import BuiltinEngine, Capabilities, Engine, Simulator, refuse_no_problem
+from .completed import able, completed
+from .protocol import BuiltinEngine, Capabilities, Engine, Simulator
 from .study import Cause, ConstraintKinds, EngineStudy
+from .supplied import stated
 
 PLUGIN_GROUP = "trebucheck.engines"
 """Entry-point group in which another package announces an engine class."""
@@ -230,7 +227,7 @@ def engine(name: str, preset: str = "tuned", **options: Any) -> Engine:
         for unknown in (option for option in options if option not in known):
             raise InputError(_no_option(name, unknown, known)) from None
         raise
-    return simulator if isinstance(simulator, Engine) else _completed(simulator, preset, options)
+    return simulator if isinstance(simulator, Engine) else completed(simulator, preset, options)
 
 
 def option_names(name: str) -> tuple[str, ...] | None:
@@ -317,67 +314,14 @@ def capabilities_of(name: str, preset: str) -> Capabilities:
         InputError: there is no engine of that name, or it cannot be loaded.
     """
     try:
-        return _able(engine(name, preset))
+        return able(engine(name, preset))
     except Exception:  # of a class that cannot be made, which is said where it is to move something
         return engine_class(name).capabilities
 
 
-def _able(engine: Simulator) -> Capabilities:
-    return engine.capabilities.without(getattr(engine, "lacking", ()))
-
-
-@dataclass(frozen=True)
-class CompletedEngine:
-    """A plug-in's engine that does not tell its preset, its settings or its time step, completed by the registry."""
-
-    simulator: Simulator
-    preset: str
-    settings: dict[str, JsonValue]
-    timestep: float | None
-
-    @property
-    def name(self) -> str:
-        """Of the plug-in's engine."""
-        return self.simulator.name
-
-    @property
-    def capabilities(self) -> Capabilities:
-        """Of the plug-in's engine."""
-        return self.simulator.capabilities
-
-    @property
-    def lacking(self) -> frozenset[Basic | Feature]:
-        """Of the plug-in's engine, if it tells."""
-        return getattr(self.simulator, "lacking", frozenset())
-
-    def simulate(self, problem: Problem) -> Trajectory:
-        """As the plug-in's engine does."""
-        refuse_no_problem(problem)
-        able = _able(self)
-        refuse_features(problem.mechanism, able.features, self.name, able.lacking, problem.stop_law)
-        return self.simulator.simulate(problem)
-
-
-@dataclass(frozen=True)
-class CompletedInspectable(CompletedEngine):
-    """The same for an engine that shows its built model."""
-
-    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
-        """As the plug-in's engine does."""
-        return cast("Inspectable", self.simulator).inspect(mechanism, states)
-
-
-def _completed(simulator: Simulator, preset: str, options: Mapping[str, Any]) -> CompletedEngine:
-    settings = _settings_of(simulator, options)
-    step = getattr(simulator, "timestep", settings.get("timestep"))
-    cls = CompletedInspectable if isinstance(simulator, Inspectable) else CompletedEngine
-    return cls(simulator, preset, settings, float(step) if isinstance(step, int | float) else None)
-
-
-def _settings_of(simulator: Simulator, options: Mapping[str, Any]) -> dict[str, JsonValue]:
-    """The fields of a Spec or a dataclass; of anything else, the options that it was given."""
-    if isinstance(simulator, Spec):
-        return simulator.model_dump(mode="json", exclude={"preset"})
-    if dataclasses.is_dataclass(simulator):
-        options = {field.name: getattr(simulator, field.name) for field in dataclasses.fields(simulator) if field.init}
-    return {name: to_jsonable_python(value, fallback=repr) for name, value in options.items() if name != "preset"}
+def supplied_in(name: str, preset: str) -> dict[str, str] | None:
+    """What an engine says that trebucheck supplies with a preset; None if it does not say, or cannot be made."""
+    try:
+        return stated(engine(name, preset))
+    except Exception:  # which is said where it is to move something
+        return None

@@ -12,6 +12,7 @@ import numpy as np
 from ...engines.protocol import Engine
 from ...engines.registry import engine_class, engine_study
 from ...engines.study import StepOrder
+from ...engines.supplied import stated
 from ...models.errors import SimulationError, UnwritableError
 from ...models.launch import LAUNCH_ANGLE
 from ...models.mechanism import Mechanism
@@ -252,7 +253,8 @@ def _row(case: Case, engine: Engine, outcome: Outcome) -> Run:
     version = engine_class(case.engine).version()
     declared = engine_study(case.engine).step_orders.get(case.preset, StepOrder(None, ""))
     return Run(model=case.model, engine=case.engine, preset=case.preset, engine_version=version,
-               scheme=declared.scheme, order=declared.order, settings=engine.settings, outcome=outcome)  # fmt: skip
+               scheme=declared.scheme, order=declared.order, supplied=stated(engine), settings=engine.settings,
+               outcome=outcome)  # fmt: skip
 
 
 def _unequal(equality: Equality) -> str:

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from functools import partial
 
+from ...engines.supplied import sentence
 from ...models.machines.trebuchet import parameters_of
 from ...models.problem import StopLaw
 from ...reference.certification.certificate import load_certificate
@@ -83,7 +84,7 @@ def document(comparison: Comparison) -> Document:
         blocks += [Heading("What differs, and why", 2, "why"), *(page_only(each) for each in differing(results))]
     for machine in results.machines:
         blocks += _evidence(comparison, machine)
-    blocks += [Heading("How the comparison is made", 2), Note(_INTRODUCTION), Note(_EQUIVALENCE)]
+    blocks += [Heading("How the comparison is made", 2), Note(_INTRODUCTION), Note(_EQUIVALENCE), _own(results)]
     runs = ((run.model, run.label, run.engine_version, run.settings) for run in results.runs)
     blocks += provenance(results, runs, [(machine.model, machine.mechanism) for machine in results.machines])
     blocks += [doc.terminal_only(listed), Text(verdict(results), medium="terminal")]
@@ -93,6 +94,12 @@ def document(comparison: Comparison) -> Document:
         _window(results),
         verdict=verdict(results),
     )
+
+
+def _own(results: Results) -> doc.Listing:
+    """What trebucheck does in each engine's place."""
+    stated = {run.label: run.supplied for run in results.runs if run.supplied is not None}
+    return doc.Listing(tuple(Text(sentence(given), lead=f"{label}:") for label, given in sorted(stated.items())))
 
 
 def _window(results: Results) -> str:

@@ -143,7 +143,7 @@ def _problem(machine: Machine) -> MatrixProblem:
     return MatrixProblem(
         name=machine.model, number="" if entry is None else entry.number, mechanism_hash=machine.mechanism_hash,
         stop_law=machine.stop_law, judged_to=machine.judged_to, stops=bool(mechanism.stops),
-        loops=bool(mechanism.loop_joints),
+        loops=bool(mechanism.loop_joints), elements=bool(mechanism.force_elements),
     )  # fmt: skip
 
 
@@ -152,8 +152,8 @@ def _run(run: Run, machine: Machine | None, date: str, version: str) -> MatrixRu
     named = () if found is None else found.named
     return MatrixRun(
         problem=run.model, engine=run.engine, preset=run.preset, engine_version=run.engine_version, scheme=run.scheme,
-        order=run.order, timestep=step if isinstance(step, float) else None, outcome=run.outcome, message=run.message,
-        judged=len(run.judged), held=len(run.judged) - len(run.broken), worst=_worst(run.judged),
+        order=run.order, supplied=run.supplied, timestep=step if isinstance(step, float) else None, outcome=run.outcome,
+        message=run.message, judged=len(run.judged), held=len(run.judged) - len(run.broken), worst=_worst(run.judged),
         errors=() if machine is None else tuple(_errors(run, machine)),
         first_in=None if found is None or found.note else found.leads, causes=tuple(cause.name for cause in named),
         explained=named[0].explained if named else None, date=date, made_by=version,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from itertools import pairwise
 
 from ..compare.sentences import MARKS
@@ -27,6 +28,7 @@ from ..report.document import (
 )  # fmt: skip
 from ..report.numbers import format_number
 from ..runs.results import COMPARED, Outcome
+from .own import READING, agreements, own_on, table_of_parts
 from .results import SHOWN, Error, Matrix, MatrixProblem, MatrixRun, MeasuredOrder
 from .spread import FLOOR, sentence, spreads
 
@@ -70,30 +72,35 @@ def _blocks(matrix: Matrix, line: str) -> Iterator[Block]:
     yield Text(line)
     yield Heading("Verdicts", 2)
     yield Note(_READING)
-    yield from _tables(matrix, _verdict, _leading(matrix))
+    yield agreements(matrix)
+    yield Note(READING)
+    yield from _tables(matrix, _verdict, partial(_leading, matrix))
+    yield from table_of_parts(matrix)
     yield from _explained(matrix)
     yield Heading("By quantity", 2)
     yield Note(_QUANTITY)
     for metric, title in SHOWN.items():
         if any(run.error(metric) for run in matrix.runs):
             yield Heading(title.capitalize(), 3)
-            yield from _tables(matrix, _quantity(metric), {})
+            yield from _tables(matrix, _quantity(metric))
     yield from _missing(matrix)
     yield from _causes(matrix)
     yield from _provenance(matrix)
 
 
 _Show = Callable[[MatrixRun], Cell]
-_WIDEST = 7  # problems in a table, with which it fits a screen of 1280 pixels
+_Leading = Callable[[str, Sequence[MatrixProblem]], Sequence[object]]
+_LEADING = (words("own"), words("order", wrap=False), words("agrees"))
+_WIDEST = 6  # problems in a table, with which it fits a screen of 1280 pixels
 
 
-def _tables(matrix: Matrix, show: _Show, leading: dict[str, Sequence[object]]) -> Iterator[Table]:
+def _tables(matrix: Matrix, show: _Show, leading: _Leading | None = None) -> Iterator[Table]:
     """One a kind of problem: rows of engines by scheme, columns of problems; what would be empty is left out."""
     for title, belongs in _KINDS:
         runs = [run for problem in matrix.problems if belongs(problem) for run in _on(matrix, problem)]
         shown = {run.problem for run in runs if show(run).text}
         problems = [problem for problem in matrix.problems if problem.name in shown and belongs(problem)]
-        heads = [words("engine", wrap=False), *([words("order", wrap=False), words("agrees")] if leading else [])]
+        heads = [words("engine", wrap=False), *(_LEADING if leading else ())]
         for part in _parts(problems):
             columns = [*heads, *(Column(problem.title, align="left", wrap=False) for problem in part)]
             which = title if len(part) == len(problems) else f"{title}: {part[0].title} to {part[-1].title}"
@@ -111,26 +118,24 @@ def _on(matrix: Matrix, problem: MatrixProblem) -> Iterator[MatrixRun]:
     return (run for run in matrix.runs if run.problem == problem.name)
 
 
-def _rows(
-    matrix: Matrix, problems: Sequence[MatrixProblem], show: _Show, leading: dict[str, Sequence[object]]
-) -> Iterator[Row]:
+def _rows(matrix: Matrix, problems: Sequence[MatrixProblem], show: _Show, leading: _Leading | None) -> Iterator[Row]:
     for scheme, labels in matrix.schemes().items():
         found = {label: [matrix.run(label, problem.name) for problem in problems] for label in labels}
         shown = {label: runs for label, runs in found.items() if leading or any(runs)}
         if shown:
             yield row(Cell(scheme or _UNSTATED, "strong"))
         for label, runs in shown.items():
-            yield row(label, *leading.get(label, ()), *(_shown(run, show) for run in runs))
+            first = leading(label, problems) if leading else ()
+            yield row(label, *first, *(_shown(run, show) for run in runs))
 
 
 def _shown(run: MatrixRun | None, show: _Show) -> Cell:
     return Cell("not run", "muted") if run is None else show(run)
 
 
-def _leading(matrix: Matrix) -> dict[str, Sequence[object]]:
-    """By engine and preset: the order, and on how many of its problems it agrees."""
-    labels = [label for of in matrix.schemes().values() for label in of]
-    return {label: (_order(matrix, label), _agrees([*matrix.of(label)])) for label in labels}
+def _leading(matrix: Matrix, label: str, problems: Sequence[MatrixProblem]) -> Sequence[object]:
+    """What is its own on a table's problems, its order, and on how many of all its problems it agrees."""
+    return own_on(matrix, label, problems), _order(matrix, label), _agrees([*matrix.of(label)])
 
 
 def _order(matrix: Matrix, label: str) -> Cell:

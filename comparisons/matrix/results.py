@@ -55,6 +55,9 @@ class MatrixRun(Spec):
     engine_version: str
     scheme: str = Field(default="", description="as its study names it; '': not stated")
     order: Real | None = Field(default=None, description="that its study declares; None: no power of the step")
+    supplied: dict[str, str] | None = Field(
+        default=None, description="what trebucheck does in the engine's place, by part, and of what; None: not stated"
+    )
     timestep: Positive | None = Field(default=None, description="[s]")
     outcome: Outcome
     message: str | None = Field(default=None, description="the refusal's or the failure's sentence")
@@ -88,6 +91,7 @@ class MatrixProblem(Spec):
     judged_to: Real = Field(description="[s]")
     stops: bool
     loops: bool
+    elements: bool = Field(default=False, description="springs, dampers or motors")
 
     @property
     def title(self) -> str:

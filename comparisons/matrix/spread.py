@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from statistics import median
 
+from ...engines.supplied import Own, own
 from .results import Matrix, MatrixProblem, MatrixRun
 
 FLOOR = 1e-12
@@ -46,6 +47,8 @@ class Spread:
     scheme: str
     constrained: bool
     engines: tuple[str, ...]
+    moved: tuple[str, ...]
+    """Those of them whose steps are trebucheck's: one implementation."""
     within: Ratios
     """Of two engines of the scheme."""
     between: Ratios
@@ -58,11 +61,13 @@ def spreads(matrix: Matrix) -> Iterator[Spread]:
         engines = sorted({run.engine for label in labels for run in matrix.of(label)})
         if not scheme or len(engines) < 2:
             continue
+        runs = (run for label in labels for run in matrix.of(label))
+        moved = tuple(sorted({run.engine for run in runs if own(run.supplied or {}) is Own.DYNAMICS}))
         for constrained in (False, True):
             problems = [each for each in matrix.problems if (each.stops or each.loops) == constrained]
             found = _spread(matrix, problems, scheme)
             if found[0].found:
-                yield Spread(scheme, constrained, tuple(engines), *found)
+                yield Spread(scheme, constrained, tuple(engines), moved, *found)
 
 
 def _spread(matrix: Matrix, problems: Iterable[MatrixProblem], scheme: str) -> tuple[Ratios, Ratios]:
@@ -98,7 +103,8 @@ def _error(run: MatrixRun) -> float | None:
 def sentence(spread: Spread) -> str:
     """The comparison of the two."""
     where = "with stops or loops" if spread.constrained else "without stops and loops"
+    one = f"; the steps of {' and '.join(spread.moved)} are trebucheck's" if len(spread.moved) > 1 else ""
     return (
         f"position errors of two of its engines ({', '.join(spread.engines)}) on one problem {where}, at equal steps, "
-        f"have a ratio of {spread.within}; those of one of them and one of another scheme {spread.between}."
+        f"have a ratio of {spread.within}; those of one of them and one of another scheme {spread.between}{one}."
     )

@@ -241,6 +241,11 @@ class Run(Measured, Spec):
         exclude_if=lambda value: value is None,
         description="power of the time step with which its error falls, as its study declares it",
     )
+    supplied: dict[str, str] | None = Field(
+        default=None,
+        exclude_if=lambda value: value is None,
+        description="what trebucheck does in the engine's place, by part, and of what; null: it does not say",
+    )
     settings: dict[str, JsonValue] = Field(default_factory=dict)
     steps: Annotated[int, Field(ge=0)] = 0
     wall_time: Real | None = Field(default=None, description="of the whole simulate, first call warm [s]")

@@ -11,6 +11,7 @@ from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording
 from ..study import EngineStudy
+from ..supplied import Part, Supplied
 from ..units import SI, Units, units_of
 from .options import ExudynOptions
 from .study import STUDY
@@ -52,6 +53,11 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         "adaptive_step": True,
         "located_releases": False,
     }
+
+    @property
+    def supplied(self) -> Supplied:
+        """A stop is a constraint, which is switched on and off; impulses are found with Exudyn's mass matrix."""
+        return {Part.EVENTS: "", Part.IMPACTS: ""}
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Show the built system by its own matrices and outputs."""

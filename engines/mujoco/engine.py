@@ -11,6 +11,7 @@ from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording
 from ..study import EngineStudy
+from ..supplied import Part, Supplied
 from ..units import units_of
 from .options import MujocoOptions
 from .study import STUDY
@@ -70,6 +71,12 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
     def lacking(self) -> frozenset[Basic | Feature]:
         """Restitution, where limits stay in the model: they give back what their springs do."""
         return frozenset() if not self.keep_limits else frozenset({Basic.REBOUND})
+
+    @property
+    def supplied(self) -> Supplied:
+        """Releases that are located, and impacts of limits that are out of the model while they are open."""
+        events = {Part.EVENTS: ""} if self.locate_releases or not self.keep_limits else {}
+        return events if self.keep_limits else events | {Part.IMPACTS: ""}
 
     def _run(self, problem: Problem) -> Recording:
         # Imported here so that the class, its options and its documentation need no MuJoCo.

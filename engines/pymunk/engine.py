@@ -11,6 +11,7 @@ from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording
 from ..study import EngineStudy
+from ..supplied import Part, Supplied
 from ..units import units_of
 from .options import PymunkOptions
 from .study import STUDY
@@ -53,6 +54,11 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
         "locate_releases": False,
         "pivot_mass": 1.0,
     }
+
+    @property
+    def supplied(self) -> Supplied:
+        """A stop is a joint, which is put in and taken out; Chipmunk tells magnitudes of impulses alone."""
+        return {Part.EVENTS: "", Part.ELEMENTS: "dampers and constant forces", Part.REACTIONS: "", Part.TORQUES: ""}
 
     def _run(self, problem: Problem) -> Recording:
         # Here and not above: a class must tell that its library is missing, not fail to load.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -117,6 +118,33 @@ def test_ratios_within_a_scheme_and_between_schemes_are_of_different_engines_at_
     assert "9e+03 at most (d tuned and a stock on swing; 5 pairs, median 1e+03)" in _text(_matrix(*runs))
 
 
+def test_agreement_is_counted_by_what_of_the_run_is_the_engines_own() -> None:
+    held = {"stop forces": "", "when stops open and are met": ""}
+    problems = (_problem(), _problem("stopped", stops=True), _problem("sprung", elements=True))
+    runs = (
+        *(_run("a", 1e-9, problem=each.name, supplied={}) for each in problems),
+        *(_run("b", 1e-9, problem=each.name, supplied=held) for each in problems),
+        *(_run("c", 1e-9, problem=each.name, supplied={"time steps": "", **held}) for each in problems),
+        _run("d", 1e-9), _run("a", 1.0, False, preset="stock", outcome=Outcome.DISAGREES, supplied={}),
+    )  # fmt: skip
+    text = _text(_matrix(*runs, problems=problems))
+    assert "Of 10 agreements the engine's own is: all in 5, steps in 1, dynamics in 3, not stated in 1." in text
+    own = {(where, line.split(" | ")[0].strip("| ")): line.split(" | ")[1] for where, line in _leading(text)}
+    assert own["Without stops and loops", "b tuned"] == "all" and own["With stops", "b tuned"] == "steps"
+    assert own["With stops", "c tuned"] == own["Without stops and loops", "c tuned"] == "dynamics"
+    assert own["Without stops and loops", "d tuned"] == "not stated"
+    assert "| a stock | nothing |" in text and "| b tuned | stop forces; when stops open and are met |" in text
+
+
+def _leading(text: str) -> Iterator[tuple[str, str]]:
+    """Rows of engines of the tables of verdicts, each with its table's title."""
+    title = ""
+    for line in text.partition("## What is the engine's own")[0].splitlines():
+        title = line.strip("*") if line.startswith("**") else title
+        if re.match(r"\| \w+ (tuned|stock) \|", line):
+            yield title, line
+
+
 @pytest.fixture(scope="module")
 def results() -> Results:
     """A pendulum in an engine and the reference."""
@@ -210,7 +238,7 @@ def test_bad_files_get_one_sentence(
 def test_a_table_is_no_wider_than_a_screen_and_every_problem_is_in_one() -> None:
     problems = tuple(_problem(f"p{k:02}", number=f"P{k:02}") for k in range(17))
     text = _text(_matrix(*(_run("a", 1e-9, problem=each.name) for each in problems), problems=problems))
-    heads = [line.split(" | ")[3:] for line in text.splitlines() if line.startswith("| engine | order")]
+    heads = [line.split(" | ")[4:] for line in text.splitlines() if line.startswith("| engine | own | order")]
     assert [len(each) for each in heads] == [6, 5, 6]
     assert [name.strip(" |") for each in heads for name in each] == [each.number for each in problems]
     assert "Without stops and loops: P00 to P05" in text

@@ -11,6 +11,7 @@ from trebucheck.engines.plain_run import plain_run
 from trebucheck.engines.point_masses import LeastInertia
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
+from trebucheck.engines.supplied import Part, Supplied
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
@@ -58,6 +59,11 @@ class Box2DEngine(BuiltinEngine):
         "active only where the angle is not short of it by rounding",
     )  # fmt: skip
     least_inertia: LeastInertia = 1e-3
+
+    @property
+    def supplied(self) -> Supplied:
+        """Springs and motors are forces on the bodies, which Box2D's users apply themselves."""
+        return {Part.ELEMENTS: ""}
 
     def _run(self, problem: Problem) -> Recording:
         from .motion import Motion

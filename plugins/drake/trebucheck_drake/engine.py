@@ -10,6 +10,7 @@ from trebucheck.engines.event_driver import EventDriver
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
+from trebucheck.engines.supplied import HELD, Part, Supplied
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
@@ -62,6 +63,11 @@ class DrakeEngine(BuiltinEngine):
     def lacking(self) -> frozenset[Basic | Feature]:
         """A discrete plant's limits are those of joints, without rebound, and forces that close loops untold."""
         return frozenset() if self.mode == "continuous" else frozenset({Basic.LOOP, Basic.POINT_STOP, Basic.REBOUND})
+
+    @property
+    def supplied(self) -> Supplied:
+        """A continuous plant has Drake's integrator, but neither limits nor constraints."""
+        return HELD if self.mode == "continuous" else {Part.ELEMENTS: ""}
 
     def _run(self, problem: Problem) -> Recording:
         if self.mode == "discrete":

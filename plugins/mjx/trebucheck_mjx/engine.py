@@ -11,6 +11,7 @@ from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.plain_run import plain_run
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
+from trebucheck.engines.supplied import HELD, NOTHING, Part, Supplied
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
@@ -62,6 +63,11 @@ class MjxEngine(BuiltinEngine):
     def lacking(self) -> frozenset[Basic | Feature]:
         """What multipliers bring: MJX's own limits are taken for stops on angles alone."""
         return frozenset() if self.limits == "multipliers" else _OF_MULTIPLIERS
+
+    @property
+    def supplied(self) -> Supplied:
+        """With multipliers all but the tree's dynamics, and its RK4 where nothing is held."""
+        return {Part.STEPS: "while something is held", **HELD} if self.limits == "multipliers" else NOTHING
 
     def _run(self, problem: Problem) -> Recording:
         if self.limits == "multipliers":

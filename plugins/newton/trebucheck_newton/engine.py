@@ -14,6 +14,7 @@ from trebucheck.engines.joint_tree import JointLimits, LimitedMotion, TreeMotion
 from trebucheck.engines.plain_run import OwnStops, plain_run
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
+from trebucheck.engines.supplied import LIMITED, Part, Supplied
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
@@ -53,6 +54,11 @@ class NewtonEngine(BuiltinEngine):
     limit_frequency: Positive = Field(
         default=100.0, description="of a joint's limit, critically damped for its body alone [rad/s]"
     )
+
+    @property
+    def supplied(self) -> Supplied:
+        """Springs and motors are joint forces; SolverFeatherstone does not tell the torques of its limits."""
+        return LIMITED if self.solver == "featherstone" else {Part.ELEMENTS: ""}
 
     def _run(self, problem: Problem) -> Recording:
         _quieten()

@@ -11,6 +11,7 @@ from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.plain_run import plain_run
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
+from trebucheck.engines.supplied import HELD, NOTHING, Part, Supplied
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
@@ -69,6 +70,14 @@ class OpenSimEngine(BuiltinEngine):
     def lacking(self) -> frozenset[Basic | Feature]:
         """What locks bring: limit forces act on joints alone, and give back what their springs do."""
         return frozenset() if self.limits == "locks" else _OF_LOCKS
+
+    @property
+    def supplied(self) -> Supplied:
+        """With locks, which stops hold and their torques; Simbody's integrator moves what locks alone hold."""
+        if self.limits == "springs":
+            return NOTHING
+        own = {Part.STOPS: "torques: Simbody's locks hold them"}
+        return {Part.STEPS: "with loops, springs or stops on points", **HELD, **own}
 
     def _run(self, problem: Problem) -> Recording:
         from .motion import Motion

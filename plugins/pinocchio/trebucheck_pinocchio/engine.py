@@ -10,6 +10,7 @@ from trebucheck.engines.event_driver import EventDriver
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
+from trebucheck.engines.supplied import MOVED, Supplied
 from trebucheck.models.features import Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
@@ -50,6 +51,11 @@ class PinocchioEngine(BuiltinEngine):
         default="RK4", description="time-stepping scheme, in joint coordinates"
     )
     locate_releases: bool = Field(default=True, description="find a release inside its step, not at its end")
+
+    @property
+    def supplied(self) -> Supplied:
+        """Pinocchio has neither steps nor stops; what it gives is dynamics."""
+        return MOVED
 
     def _run(self, problem: Problem) -> Recording:
         from .motion import Motion

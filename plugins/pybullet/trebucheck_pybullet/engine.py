@@ -12,6 +12,7 @@ from trebucheck.engines.joint_tree import LimitedMotion, TreeMotion
 from trebucheck.engines.plain_run import plain_run
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
+from trebucheck.engines.supplied import LIMITED, MOVED, Supplied
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
@@ -60,6 +61,11 @@ class PyBulletEngine(BuiltinEngine):
     def lacking(self) -> frozenset[Basic | Feature]:
         """Bullet's own steps are of trees, with limits of joints, without restitution."""
         return frozenset() if self.mode == "dynamics" else frozenset({Basic.LOOP, Basic.POINT_STOP, Basic.REBOUND})
+
+    @property
+    def supplied(self) -> Supplied:
+        """In `stepSimulation` limits are Bullet's; their torques are what a step's change of speed leaves over."""
+        return MOVED if self.mode == "dynamics" else LIMITED
 
     def _run(self, problem: Problem) -> Recording:
         from .tree import BulletTree

@@ -12,6 +12,7 @@ from pydantic import Field
 from trebucheck.engines.point_masses import LeastInertia, NoPointMasses
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
+from trebucheck.engines.supplied import Part, Supplied
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Positive
@@ -62,6 +63,11 @@ class RapierEngine(BuiltinEngine):
     opening: Positive = Field(
         default=1e-4, le=0.1, description="gap at which a stop has opened [rad]; its release is looked back for"
     )
+
+    @property
+    def supplied(self) -> Supplied:
+        """Springs and motors are forces on the bodies, which Rapier's users apply themselves."""
+        return {Part.ELEMENTS: ""}
 
     @classmethod
     def is_installed(cls) -> bool:

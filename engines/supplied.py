@@ -1,0 +1,102 @@
+"""What of a run is the engine's own, and what trebucheck does in its place.
+
+An engine that has no stops can be moved by trebucheck's multipliers on its mass matrix, and one without an integrator
+by trebucheck's. That such a run agrees speaks for the engine's dynamics, not for stops or steps that it does not have;
+so each engine says what its adapter supplies, and tables of verdicts show it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from enum import StrEnum
+from types import MappingProxyType
+from typing import cast
+
+
+class Part(StrEnum):
+    """Parts of a run."""
+
+    STEPS = "time steps"
+    STOPS = "stop forces"
+    LOOPS = "loop forces"
+    ELEMENTS = "springs, dampers and motors"
+    EVENTS = "when stops open and are met"
+    IMPACTS = "impulses of impacts"
+    REACTIONS = "joint forces read off the motion"
+    TORQUES = "stop forces read off the motion"
+
+
+class Own(StrEnum):
+    """How much of a run is the engine's."""
+
+    ALL = "all"
+    """Every part of it."""
+    MOST = "most"
+    """Trebucheck decides when stops open and are met, computes impulses, or adds or reads forces."""
+    STEPS = "steps"
+    """Its dynamics and its integrator; what stops, loops or springs do is trebucheck's."""
+    DYNAMICS = "dynamics"
+    """Mass matrix, forces, energies and points; the steps are trebucheck's."""
+
+
+Supplied = Mapping[Part, str]
+"""What trebucheck does in the engine's place, and of what or in which case; '' for always and all of it."""
+
+NOTHING: Supplied = MappingProxyType({})
+HELD: Supplied = MappingProxyType(dict.fromkeys((Part.STOPS, Part.LOOPS, Part.ELEMENTS, Part.EVENTS, Part.IMPACTS), ""))
+"""By :mod:`.event_driver` and :mod:`.constrained`: all but the steps of what nothing but the joints of a tree hold."""
+MOVED: Supplied = MappingProxyType({Part.STEPS: "", **HELD})
+"""The same of an engine that is moved by one of :mod:`.schemes`."""
+
+LIMITED: Supplied = MappingProxyType({Part.ELEMENTS: "", Part.TORQUES: ""})
+"""By :class:`.joint_tree.LimitedMotion`, of an engine that steps and holds limits itself."""
+
+
+def stated(engine: object) -> dict[str, str] | None:
+    """What an engine says that trebucheck supplies, by part; None of one that does not say."""
+    given = getattr(engine, "supplied", None)
+    if not isinstance(given, Mapping):
+        return None
+    return {str(part): str(of) for part, of in cast("Supplied", given).items()}
+
+
+def concerned(*, stops: bool, impacts: bool, loops: bool, elements: bool) -> frozenset[Part]:
+    """Parts that a run has on a mechanism with such things.
+
+    Args:
+        stops: whether there are any.
+        impacts: whether stops may be met.
+        loops: whether joints close any.
+        elements: whether there are springs, dampers or motors.
+    """
+    of = {Part.STOPS: stops, Part.TORQUES: stops, Part.EVENTS: stops, Part.IMPACTS: stops and impacts,
+          Part.LOOPS: loops, Part.ELEMENTS: elements}  # fmt: skip
+    return frozenset(part for part in Part if of.get(part, True))
+
+
+def own(supplied: Mapping[str, str], concerned: Collection[Part] = tuple(Part)) -> Own:
+    """How much of a run is the engine's.
+
+    Args:
+        supplied: what trebucheck supplies; steps that it supplies in some cases are those of what is held or pushed.
+        concerned: parts that the run has.
+    """
+    held = {Part.STOPS, Part.LOOPS}
+    if Part.STEPS in supplied:
+        if not supplied[Part.STEPS]:
+            return Own.DYNAMICS
+        held = held | {Part.STEPS, Part.ELEMENTS}
+    found = set(supplied).intersection(concerned) - {Part.STEPS}
+    if held & found:
+        return Own.STEPS
+    return Own.MOST if found else Own.ALL
+
+
+def parts(supplied: Mapping[str, str]) -> str:
+    """What trebucheck supplies, in a row; '' for nothing."""
+    return "; ".join(f"{part} ({of})" if of else str(part) for part, of in supplied.items())
+
+
+def sentence(supplied: Mapping[str, str]) -> str:
+    """What trebucheck supplies, as a sentence."""
+    return f"Trebucheck supplies: {parts(supplied)}." if supplied else "All of a run is the engine's own."
