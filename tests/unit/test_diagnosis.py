@@ -15,11 +15,14 @@ from hypothesis import strategies as st
 from trebucheck.comparisons.compare.sentences import diagnosis
 from trebucheck.comparisons.diagnosis.model import check_and_diagnose
 from trebucheck.comparisons.diagnosis.onset import active_contacts_at, growth
+from trebucheck.comparisons.diagnosis.settings import _other_settings  # pyright: ignore[reportPrivateUsage]
 from trebucheck.comparisons.diagnosis.signatures import match
 from trebucheck.comparisons.diagnosis.suspects import combined, machine_suspects
 from trebucheck.comparisons.equivalence.checks import EXACT, check_model
 from trebucheck.comparisons.equivalence.states import random_states
 from trebucheck.comparisons.runs.results import Cause, Diagnosis, Outcome, Run
+from trebucheck.engines.mujoco.engine import MujocoEngine
+from trebucheck.engines.registry import causes_of
 from trebucheck.models.machines.trebuchet import parameters_of
 from trebucheck.reference.contact import active_contacts
 from trebucheck.reference.equations import Equations
@@ -135,3 +138,12 @@ def test_a_gate_that_fails_ends_the_run_and_not_the_report(monkeypatch: pytest.M
     assert run.outcome is Outcome.NOT_EQUIVALENT and not results.passed
     assert not run.metrics and run.message and "before any motion" in run.message
     assert run.diagnosis and run.diagnosis.causes[0].name.startswith("g (gravity)")
+
+
+def test_what_follows_the_step_does_so_in_a_diagnosis() -> None:
+    """An error of the step and of limits as soft as it is long is nobody's, if each is taken out alone."""
+    follows = MujocoEngine(timestep=1e-3)
+    finer = {name: engine for name, _, engine in _other_settings(follows, tb.fixed())}["time step"]
+    assert finer.settings["solref"] is None and finer.timestep == 1e-3 / 8
+    budget = next(cause for cause in causes_of(follows, tb.fixed()) if cause.name == "time step")
+    assert budget.removal is not None and budget.removal.options.keys() == {"timestep", "solref"}
