@@ -170,7 +170,7 @@ def files(folder: Path) -> list[Path]:
 def core_files(source: Path) -> Iterator[Path]:
     """Of trebucheck, as far as the results depend on them."""
     for folder in ("models", "reference", "engines", "comparisons", "conformance"):
-        yield from (path for path in files(source / folder) if path.suffix == ".py")
+        yield from (path for path in files(source / folder) if path.suffix in (".py", ".cjs"))
     yield source / "constraints.txt"
 
 

@@ -76,6 +76,13 @@ SINGLE = (
     Steps("rapier", "stock", 16e-3, forces=False),
 )
 """Those of first order and single precision."""
+IMPULSES = (
+    # Positions: up to 100 m/s times a step.
+    Steps("planck", "tuned", 4e-3, limits=Limits(position=1e-1)),
+    # The forces of its first step, which begins without impulses of one before, are not there after 8 iterations.
+    Steps("planck", "stock", 4e-3, forces=False),
+)
+"""Those of first order by impulses in double precision."""
 MOVED = tuple(Steps(name, "tuned", 8e-3) for name in ("pinocchio", "dart", "pybullet", "mjx"))
 """Those that RK4 moves."""
 EXACT = (*MOVED, *(Steps(name, "tuned", 1e-3) for name in ("drake", "opensim")))
@@ -89,7 +96,7 @@ def _errors(found: tb.Trajectory, problem: tb.Problem) -> tuple[float, float]:
     return float(max(points)), float(max(forces, default=0.0))
 
 
-@pytest.mark.parametrize("steps", [*OWN, *SINGLE, *MOVED], ids=str)
+@pytest.mark.parametrize("steps", [*OWN, *SINGLE, *IMPULSES, *MOVED], ids=str)
 def test_the_order_is_the_one_that_is_claimed(steps: Steps) -> None:
     coarse, fine = (_errors(steps.run(FREE_SWING, h), FREE_SWING) for h in (steps.step, steps.step / 2))
     claimed = tb.engine(steps.engine, steps.preset).study().step_orders[steps.preset].order  # type: ignore[attr-defined]
@@ -103,7 +110,7 @@ def test_the_free_swing_is_within_its_bar(steps: Steps) -> None:
     assert _errors(steps.run(FREE_SWING, 1e-3), FREE_SWING)[0] < FREE_SWING_BAR
 
 
-@pytest.mark.parametrize("steps", OWN, ids=str)
+@pytest.mark.parametrize("steps", [*OWN, *IMPULSES], ids=str)
 def test_the_limit_of_its_steps_is_the_reference(steps: Steps) -> None:
     """By Richardson's extrapolation of steps h, h / 2 and h / 4 at the end, of the first order."""
     (q0, q1, q2) = (steps.run(FREE_SWING, h).q[-1] for h in (1e-3, 5e-4, 2.5e-4))
@@ -114,7 +121,7 @@ def test_the_limit_of_its_steps_is_the_reference(steps: Steps) -> None:
 
 
 @pytest.mark.parametrize("model", ["fixed", "rolling"])
-@pytest.mark.parametrize("steps", [each for each in (*OWN, *SINGLE) if each.limits is not None], ids=str)
+@pytest.mark.parametrize("steps", [each for each in (*OWN, *SINGLE, *IMPULSES) if each.limits is not None], ids=str)
 def test_its_own_limits_hold(steps: Steps, model: str) -> None:
     problem, h, limits = tb.Problem(tb.model(model), duration=1.4), 1e-3, steps.limits or Limits()
     found = steps.run(problem, h, **limits.options)

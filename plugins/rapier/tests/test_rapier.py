@@ -5,7 +5,7 @@ import pytest
 import trebucheck as tb
 from trebucheck.models.problems.registry import benchmark
 from trebucheck.reference.solver import solve
-from trebucheck_rapier import bridge
+from trebucheck_rapier.bridge import RAPIER
 
 FREE_SWING = tb.Problem(tb.fixed().model_copy(update={"stops": ()}), duration=2.0)
 
@@ -53,4 +53,4 @@ def test_what_is_missing_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
     with pytest.raises(tb.EngineNotInstalledError, match=r"no program `node` is on the path\.$"):
         tb.engine("rapier").simulate(FREE_SWING)
-    assert bridge.version() == "not installed"
+    assert RAPIER.version() == "not installed"

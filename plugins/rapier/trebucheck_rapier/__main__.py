@@ -1,5 +1,5 @@
 """`python -m trebucheck_rapier` installs Rapier by npm, in the version of node/package.json, beside this package."""
 
-from .bridge import install
+from .bridge import RAPIER
 
-install()
+RAPIER.install()

@@ -9,6 +9,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
+from trebucheck.engines.node_samples import NodeSamples
 from trebucheck.engines.point_masses import LeastInertia, NoPointMasses
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
@@ -17,9 +18,9 @@ from trebucheck.models.features import Basic, Feature
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Positive
 
-from . import bridge
+from .bridge import RAPIER
 from .build import Built
-from .motion import Motion
+from .motion import releases
 from .study import STUDY
 
 
@@ -72,26 +73,26 @@ class RapierEngine(BuiltinEngine):
     @classmethod
     def is_installed(cls) -> bool:
         """Whether Node.js is on the path and Rapier beside this package."""
-        return bridge.is_installed()
+        return RAPIER.is_installed()
 
     @classmethod
     def version(cls) -> str:
         """Of Rapier's npm package; 'not installed' if there is none."""
-        return bridge.version()
+        return RAPIER.version()
 
     @classmethod
     def absence(cls) -> str:
         """What is missing, and what brings it, in one sentence."""
-        return bridge.absence()
+        return RAPIER.absence()
 
     def _run(self, problem: Problem) -> Recording:
         spread = NoPointMasses(problem.mechanism, self.least_inertia)
         built = Built(spread.mechanism, self.carriage)
         steps = math.ceil(problem.duration / self.timestep - 1e-9)
-        scene = built.scene(problem.stop_law is StopLaw.RELEASE_ONCE) | {
-            "timestep": problem.duration / steps, "steps": steps,
+        scene = built.description(problem, problem.duration / steps, steps) | {
             "substeps": self.substeps, "passes": self.passes, "opening": self.opening,
         }  # fmt: skip
-        times = np.linspace(0.0, problem.duration, steps + 1)
-        found = Motion(built, times, bridge.move(scene)).recording(self.opening)
-        return replace(found, potential_energy=found.potential_energy - spread.extra_potential_energy)
+        samples = NodeSamples(built, np.linspace(0.0, problem.duration, steps + 1), RAPIER.move(scene))
+        found = samples.recording()
+        potential = found.potential_energy - spread.extra_potential_energy
+        return replace(found, potential_energy=potential, release_times=releases(samples, self.opening))

@@ -1,10 +1,7 @@
-// Reads one scene as JSON from standard input, moves it by Rapier 2D, and writes its samples to standard output:
-// little-endian float64, [sample][body][x, y, angle, vx, vy, speed]. Scenes are made by build.py: every body stands
-// at the angle 0 at the start and has its origin at its centre of mass; y points downwards.
+// Moves a scene of build.py by Rapier 2D; the program that calls it says where node_scene.cjs of trebucheck is.
 "use strict";
 const R = require("@dimforge/rapier2d-compat");
-
-const vector = ([x, y]) => ({ x, y });
+const { Scene, run, vector } = require(process.argv[2]);
 
 function makeBody(world, given) {
   return world.createRigidBody(
@@ -46,9 +43,9 @@ class Limit {
   }
 }
 
-class Scene {
+class RapierScene extends Scene {
   constructor(given) {
-    this.given = given;
+    super(given);
     this.world = new R.World(vector(given.gravity));
     this.world.timestep = given.timestep;
     this.world.numSolverIterations = given.substeps;
@@ -58,7 +55,6 @@ class Scene {
     this.angles = given.bodies.map(() => 0);
     const joints = given.joints.map((joint) =>
       this.world.createImpulseJoint(JOINTS[joint.kind](joint), this.body(joint.a), this.body(joint.b), true));
-    this.stops = given.stops.map((stop) => ({ ...stop, active: true }));
     this.limits = [...new Set(this.stops.map((stop) => stop.joint))].map((index) => ({
       joint: given.joints[index],
       limit: new Limit(this.world, joints[index], this.stops.filter((stop) => stop.joint === index)),
@@ -66,11 +62,17 @@ class Scene {
     this.updateLimits();
   }
 
-  body(index) { return index < 0 ? this.ground : this.bodies[index]; }
+  read(body, index) {
+    const c = body.translation(), v = body.linvel();
+    return [c.x, c.y, this.angles[index], v.x, v.y, body.angvel()];
+  }
 
-  angle(index) { return index < 0 ? 0 : this.angles[index]; }
-
-  between({ a, b }) { return this.angle(b) - this.angle(a); }
+  // The torque is given beside the force, not by Rapier's addForceAtPoint: before its first step that takes the world's
+  // origin for the centre of mass.
+  apply(body, force, torque) {
+    body.addForce(force, true);
+    body.addTorque(torque, true);
+  }
 
   // Under release-once a stop is gone for good once its gap exceeds `opening` [rad].
   updateLimits() {
@@ -81,83 +83,21 @@ class Scene {
     for (const { joint, limit } of this.limits) limit.update(this.between(joint));
   }
 
-  // A point of a body: its arm from the centre of mass, its place and its velocity.
-  point(index, offset) {
-    if (index < 0) return { arm: [0, 0], at: offset, velocity: [0, 0] };
-    const own = this.bodies[index], c = own.translation(), v = own.linvel(), w = own.angvel();
-    const cos = Math.cos(this.angles[index]), sin = Math.sin(this.angles[index]);
-    const arm = [cos * offset[0] - sin * offset[1], sin * offset[0] + cos * offset[1]];
-    return { arm, at: [c.x + arm[0], c.y + arm[1]], velocity: [v.x - w * arm[1], v.y + w * arm[0]] };
-  }
-
-  // The torque is the arm's, not Rapier's addForceAtPoint: before its first step that takes the world's origin for the
-  // centre of mass.
-  push(index, arm, force, sign) {
-    if (index < 0) return;
-    this.bodies[index].addForce({ x: sign * force[0], y: sign * force[1] }, true);
-    this.bodies[index].addTorque(sign * (arm[0] * force[1] - arm[1] * force[0]), true);
-  }
-
-  turn(index, torque) { if (index >= 0) this.bodies[index].addTorque(torque, true); }
-
-  speed(index) { return index < 0 ? 0 : this.bodies[index].angvel(); }
-
-  load(e) {
-    if (e.kind === "constant-force") this.push(e.body, this.point(e.body, e.point).arm, e.force, 1);
-    else if (e.kind === "spring-damper") this.pull(e, this.point(e.body, e.point), this.point(e.other, e.otherPoint));
-    else {
-      const angle = this.angle(e.body) - this.angle(e.other), speed = this.speed(e.body) - this.speed(e.other);
-      const torque = e.torque - e.stiffness * (angle - e.rest) - e.damping * speed;
-      this.turn(e.body, torque);
-      this.turn(e.other, -torque);
-    }
-  }
-
-  pull(e, own, other) {
-    const away = own.at.map((x, i) => x - other.at[i]), length = Math.hypot(...away) || Infinity;
-    const along = away.map((x) => x / length);
-    const rate = along.reduce((sum, x, i) => sum + x * (own.velocity[i] - other.velocity[i]), 0);
-    const force = along.map((x) => -x * (e.stiffness * (Math.hypot(...away) - e.rest) + e.damping * rate));
-    this.push(e.body, own.arm, force, 1);
-    this.push(e.other, other.arm, force, -1);
-  }
-
-  step() {
-    for (const body of this.given.loads.length ? this.bodies : []) {
-      body.resetForces(true);
-      body.resetTorques(true);
-    }
-    for (const element of this.given.loads) this.load(element);
+  advance() {
     this.world.step();
     this.bodies.forEach((body, i) => {
       const turns = (body.rotation() - this.angles[i]) / (2 * Math.PI);
       this.angles[i] += (turns - Math.round(turns)) * 2 * Math.PI;
     });
+    for (const body of this.given.loads.length ? this.bodies : []) {
+      body.resetForces(true);
+      body.resetTorques(true);
+    }
     this.updateLimits();
   }
-
-  write(out, at) {
-    this.bodies.forEach((body, i) => {
-      const c = body.translation(), v = body.linvel();
-      out.set([c.x, c.y, this.angles[i], v.x, v.y, body.angvel()], at + 6 * i);
-    });
-  }
 }
 
-async function main() {
+run(async (given) => {
   await R.init({});
-  const given = JSON.parse(require("fs").readFileSync(0, "utf8"));
-  const scene = new Scene(given), width = 6 * given.bodies.length;
-  const out = new Float64Array(width * (given.steps + 1));
-  scene.write(out, 0);
-  for (let k = 1; k <= given.steps; k++) {
-    scene.step();
-    scene.write(out, k * width);
-  }
-  process.stdout.write(Buffer.from(out.buffer));
-}
-
-main().catch((error) => {
-  console.error(String(error));
-  process.exitCode = 1;
+  return new RapierScene(given);
 });

@@ -1,0 +1,1 @@
+"""planck.js as an engine of trebucheck."""
