@@ -49,20 +49,25 @@ def gap_speeds(mechanism: Mechanism, names: Collection[str], q: FloatArray, u: F
     return {name: float(kinematics.gap_jacobian(name, q) @ u) for name in names}
 
 
-def resolve_impact(placed: Mechanism, restitution: Mapping[str, float], pivot_mass: float) -> Impact:
+def resolve_impact(
+    placed: Mechanism, restitution: Mapping[str, float], pivot_mass: float, held: Collection[str] = ()
+) -> Impact:
     """The impact of the contacts that touch.
 
     Args:
         placed: the mechanism at its position there, with the speeds before; stops that touch are closed in it.
         restitution: e of each of them.
         pivot_mass: as the engine's option.
+        held: those that come to rest even if they have to pull, which is not recorded: forces bring them back to
+            their walls at once. They are left to the others' impact where that contradicts itself.
 
     Raises:
         SimulationError: the impulses do not converge, or no set of contacts takes part.
     """
     # Not validated: stops keep the word on whether they touch.
     weightless = placed.model_copy(update={"gravity": 0.0, "force_elements": ()})
-    impact = _complementary(weightless, restitution, pivot_mass)
+    impact = _complementary(weightless, restitution, pivot_mass, held) if held else None
+    impact = impact or _complementary(weightless, restitution, pivot_mass)
     if impact is None and any(restitution.values()):
         impact = _complementary(weightless, dict.fromkeys(restitution, 0.0), pivot_mass)
     if impact is None:
@@ -72,20 +77,29 @@ def resolve_impact(placed: Mechanism, restitution: Mapping[str, float], pivot_ma
     return impact
 
 
-def _complementary(placed: Mechanism, restitution: Mapping[str, float], pivot_mass: float) -> Impact | None:
+def _complementary(
+    placed: Mechanism, restitution: Mapping[str, float], pivot_mass: float, held: Collection[str] = ()
+) -> Impact | None:
     impacts: dict[Contacts, Impact] = {}
 
     def violated(active: Contacts) -> str | None:
         if active not in impacts:
-            impacts[active] = _impact_of(placed, active, restitution, pivot_mass)
+            taking_part = tuple(name for name in restitution if name in active or name in held)
+            impacts[active] = _impact_of(placed, taking_part, restitution, pivot_mass, held)
         return impacts[active].violated
 
-    active = pushing(tuple(restitution), violated)
-    return None if active is None else impacts[active]
+    active = pushing(tuple(name for name in restitution if name not in held), violated)
+    return None if active is None or not set(held) <= set(impacts[active].resting) else impacts[active]
 
 
-def _impact_of(placed: Mechanism, active: Contacts, restitution: Mapping[str, float], pivot_mass: float) -> Impact:
-    """The impact if these contacts alone take part."""
+def _impact_of(
+    placed: Mechanism,
+    active: Contacts,
+    restitution: Mapping[str, float],
+    pivot_mass: float,
+    held: Collection[str] = (),
+) -> Impact:
+    """The impact if these contacts alone take part, those that are held even if they pull."""
     assembly = build(placed, active, 0.0, pivot_mass)
     for name in active:
         _set_target(assembly.stops[name], restitution[name])
@@ -106,7 +120,9 @@ def _impact_of(placed: Mechanism, active: Contacts, restitution: Mapping[str, fl
     # Stops whose targets contradict each other meet one of them at most. A gap that is left is closed in the step,
     # unless the stop's joint was built where its bodies are.
     wrong += [name for name in active if min(abs(beyond[name]), abs(beyond[name] + gap(name) / STEP)) > rounding]
-    return Impact(after, total, resting(left, rounding), next(iter(wrong), None))
+    recorded = {name: max(impulse, 0.0) if name in held else impulse for name, impulse in total.items()}
+    violated = next((name for name in wrong if name not in held), None)
+    return Impact(after, recorded, resting(left, rounding), violated)
 
 
 def _set_target(joint: constraints.Constraint, restitution: float) -> None:

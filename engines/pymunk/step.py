@@ -5,7 +5,8 @@ gap is below zero, back to where it was zero inside that step, through the impac
 with a start of its own. The state at the impact is that of the sample before, moved on by its speed and acceleration:
 its error, of third order, is made once per impact, so the order of the run stays. A contact that begins and ends
 within a step is not seen. A rebound that ends within three steps is none, for its leapfrog has not settled by then: the
-contact rests. Comparisons allow for it.
+contact rests. So does one that has parted because another one was met, and comes back as soon: steps too long for
+impacts that follow each other ever faster would go on with them for ever. Comparisons allow for it.
 """
 
 from __future__ import annotations
@@ -73,6 +74,8 @@ class _UnilateralRun:
         self._last: _ContactEvent | None = None
         self._plastic: frozenset[str] = frozenset()
         """Contacts that did not rebound at the last impact, because their rebounds would have been too low."""
+        self._held: frozenset[str] = frozenset()
+        """Contacts that came to rest at the last impact, because they came back at once although they were plastic."""
         self._parting: dict[str, float] = {}
         """When each contact opened that touches at a segment's start and does not rest [s]."""
         # Raises UnsupportedProblemError at once if a stop cannot be enforced, instead of at the first impact.
@@ -119,15 +122,18 @@ class _UnilateralRun:
         return None
 
     def _is_too_low(self, event: _ContactEvent) -> bool:
-        """Whether a contact is met again within the few steps that cannot resolve its rebound."""
-        rebounded = self._last is not None and event.met in self._last.touching and event.met not in self._plastic
-        return rebounded and event.met in self._parting and event.sample < _SETTLING_SAMPLES
+        """Whether a contact is met again within the few steps that cannot resolve how it parted."""
+        again = self._last is not None and event.met in self._last.touching and event.met not in self._held
+        return again and event.met in self._parting and event.sample < _SETTLING_SAMPLES
 
     def _without_rebound(self, event: _ContactEvent) -> Mechanism:
-        """The last impact once more, its contacts that touch again being plastic."""
+        """The last impact once more: its contacts that touch again are plastic, and one that was it comes to rest."""
         assert self._last is not None
+        assert event.met is not None
         self.events.retract_impact()
-        return self._after_impact(self._last, self._plastic | (set(event.touching) & set(self._last.touching)))
+        plastic = self._plastic | (set(event.touching) & set(self._last.touching))
+        held = self._held | {event.met} if event.met in self._plastic else self._held
+        return self._after_impact(self._last, plastic, held)
 
     def _accepted(self, segment: Segment, event: _ContactEvent | None) -> list[Recording]:
         """What is recorded of a segment."""
@@ -139,16 +145,18 @@ class _UnilateralRun:
                 self.events.release([name], time)
         return [segment.recording(last)] if last >= 0 else []
 
-    def _after_impact(self, event: _ContactEvent, plastic: frozenset[str] = frozenset()) -> Mechanism:
-        """The mechanism as it leaves an impact, in which the plastic contacts do not rebound."""
+    def _after_impact(
+        self, event: _ContactEvent, plastic: frozenset[str] = frozenset(), held: frozenset[str] = frozenset()
+    ) -> Mechanism:
+        """The mechanism as it leaves an impact, in which plastic contacts do not rebound, and held ones do not part."""
         placed = _with_closed(self.mechanism, event.touching).model_copy(
             update={"start": tuple(event.q.tolist()), "start_speeds": tuple(event.u.tolist())}
         )
         speeds = gap_speeds(placed, event.touching, event.q, event.u)
         restitution = self.events.restitution(speeds, event.q, event.u, plastic)
-        impact = resolve_impact(placed, restitution, self.options.pivot_mass)
+        impact = resolve_impact(placed, restitution, self.options.pivot_mass, held)
         self.events.note_impact(event.time, impact.impulses)
-        self._last, self._plastic = event, plastic
+        self._last, self._plastic, self._held = event, plastic, held
         self._parting = {name: event.time for name in event.touching if name not in impact.resting}
         return _with_closed(placed, impact.resting).model_copy(update={"start_speeds": tuple(impact.u.tolist())})
 
