@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -25,6 +26,24 @@ Simulate = Callable[[Engine, Problem], Trajectory]
 
 _STEP = "timestep"
 _FIRST_ORDER = 0.8  # share that an eighth of the step takes out of an error of first order, 7/8, less what rounding may
+_MOST_OF_IT = 0.5  # share of a deviation from which on a cause may be one of two
+
+
+@dataclass(frozen=True)
+class _Setting:
+    """Options that take out one cause, or two."""
+
+    name: str
+    amount: str
+    options: Options
+
+    def with_other(self, other: Self) -> Self:
+        """Both; no option is in both."""
+        joined = {**self.options, **other.options}
+        return type(self)(f"{self.name}, {other.name}", f"{self.amount}, {other.amount}", joined)
+
+    def cause(self, explained: float) -> Cause:
+        return Cause(name=self.name, kind="settings", amount=self.amount, explained=explained)
 
 
 @dataclass(frozen=True)
@@ -35,23 +54,48 @@ class Rerun:
     simulate: Simulate
 
     def causes(self, case: Case) -> Iterator[Cause]:
-        """The causes of the engine's error budget, removed one at a time: each explains the part that then vanishes."""
+        """The causes of the engine's error budget, removed one at a time: each explains the part that then vanishes.
+
+        Where none does alone, what explains most is taken out with each of the others.
+        """
+        found: list[tuple[float, _Setting]] = []
+        settings = tuple(_other_settings(self.engine, case.mechanism))
+        for setting in settings:
+            explained = self._explained(case, setting, self._of_the_step)
+            if explained > 0:
+                found.append((explained, setting))
+                yield setting.cause(explained)
+        most, best = max(found, key=lambda each: each[0], default=(0.0, None))
+        if best is None or not _MOST_OF_IT < most < SUFFICIENT:
+            return
+        for other in settings:
+            if best.options.keys().isdisjoint(other.options):
+                both = best.with_other(other)
+                explained = self._explained(case, both)
+                if 1.0 - explained < (1.0 - most) / 2:
+                    yield both.cause(explained)
+
+    def _explained(self, case: Case, setting: _Setting, further: Callable[..., float] | None = None) -> float:
+        """Share of the deviation that vanishes with other settings; 0 where they cannot be run."""
         size = float(np.linalg.norm(case.deviation))
         given = case.solution.problem.stop_law
         problem = Problem(case.mechanism, duration=case.whole.provenance.duration, stop_law=given)
-        for name, amount, changed in _other_settings(self.engine, case.mechanism):
-            try:
-                other = self.simulate(changed, problem)
-            except TrebucheckError:
-                continue
-            left = case.carried(other)
-            explained = 1.0 - float(np.linalg.norm(left)) / size if size else 0.0
-            if _FIRST_ORDER < explained < SUFFICIENT and amount.startswith(f"{_STEP} "):
-                explained = max(explained, 1.0 - self._beside_first_order(case, problem, changed, left) / size)
-                if explained < SUFFICIENT:
-                    explained = max(explained, 1.0 - self._beside_all_orders(case, problem, changed, left) / size)
-            if explained > 0:
-                yield Cause(name=name, kind="settings", amount=amount, explained=explained)
+        changed = with_options(self.engine, setting.options)
+        try:
+            left = case.carried(self.simulate(changed, problem))
+        except TrebucheckError:
+            return 0.0
+        explained = 1.0 - float(np.linalg.norm(left)) / size if size else 0.0
+        if further is None or _STEP not in setting.options or not _FIRST_ORDER < explained < SUFFICIENT:
+            return explained
+        return max(explained, 1.0 - further(case, problem, changed, left) / size)
+
+    def _of_the_step(self, case: Case, problem: Problem, finer: Engine, left: FloatArray) -> float:
+        """How much of a deviation the step does not take out, however short it is."""
+        rest = self._beside_first_order(case, problem, finer, left)
+        if rest <= (1.0 - SUFFICIENT) * float(np.linalg.norm(case.deviation)):
+            return rest
+        return min(rest, self._beside_all_orders(case, problem, finer, left))
 
     def _beside_first_order(self, case: Case, problem: Problem, finer: Engine, left: FloatArray) -> float:
         """How much of a deviation is no error of first order in the step, of which a finer step leaves a part.
@@ -86,19 +130,19 @@ class Rerun:
             return None
 
 
-def _other_settings(engine: Engine, mechanism: Mechanism) -> Iterator[tuple[str, str, Engine]]:
-    """The engine without one of its budget's causes, or with one option as tuned; name, amount, engine."""
+def _other_settings(engine: Engine, mechanism: Mechanism) -> Iterator[_Setting]:
+    """The engine without one of its budget's causes, or with one option as tuned."""
     options = engine.settings
     known: set[str] = set()
     for cause in causes_of(engine, mechanism):
         if cause.removal is not None and cause.removal.options:
             known |= cause.removal.options.keys()
             removal = _of_one_knob(cause.removal, options)
-            yield cause.name, removal.described(options), with_options(engine, removal.options)
+            yield _Setting(cause.name, removal.described(options), removal.options)
     tuned = make(engine.name, "tuned").settings
     for name, value in options.items():
         if name in tuned and value != tuned[name] and name not in known | {_STEP}:
-            yield f"option {name}", f"{value}; tuned: {tuned[name]}", with_options(engine, {name: tuned[name]})
+            yield _Setting(f"option {name}", f"{value}; tuned: {tuned[name]}", {name: tuned[name]})
 
 
 def _of_one_knob(removal: Intervention, settings: Options) -> Intervention:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -13,9 +15,13 @@ from faulty import Faulty, body, parameters
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from trebucheck.comparisons.compare.sentences import diagnosis
+from trebucheck.comparisons.diagnosis.case import Case
 from trebucheck.comparisons.diagnosis.model import check_and_diagnose
 from trebucheck.comparisons.diagnosis.onset import active_contacts_at, growth
-from trebucheck.comparisons.diagnosis.settings import _other_settings  # pyright: ignore[reportPrivateUsage]
+from trebucheck.comparisons.diagnosis.settings import (
+    Rerun,
+    _other_settings,  # pyright: ignore[reportPrivateUsage]
+)
 from trebucheck.comparisons.diagnosis.signatures import match
 from trebucheck.comparisons.diagnosis.suspects import combined, machine_suspects
 from trebucheck.comparisons.equivalence.checks import EXACT, check_model
@@ -143,7 +149,27 @@ def test_a_gate_that_fails_ends_the_run_and_not_the_report(monkeypatch: pytest.M
 def test_what_follows_the_step_does_so_in_a_diagnosis() -> None:
     """An error of the step and of limits as soft as it is long is nobody's, if each is taken out alone."""
     follows = MujocoEngine(timestep=1e-3)
-    finer = {name: engine for name, _, engine in _other_settings(follows, tb.fixed())}["time step"]
-    assert finer.settings["solref"] is None and finer.timestep == 1e-3 / 8
+    finer = next(setting for setting in _other_settings(follows, tb.fixed()) if setting.name == "time step")
+    assert finer.options == {"timestep": 1e-3 / 8}
     budget = next(cause for cause in causes_of(follows, tb.fixed()) if cause.name == "time step")
     assert budget.removal is not None and budget.removal.options.keys() == {"timestep", "solref"}
+
+
+def test_two_settings_that_make_a_deviation_together_are_named_together() -> None:
+    """Neither explains enough alone: the rule of a step, and where its solver stops."""
+    solution = solve(tb.Problem(tb.catapult(), 0.5))
+    t = np.linspace(0.0, 0.5, 101)
+
+    def simulate(engine: tb.Engine, _: tb.Problem) -> tb.Trajectory:
+        exact = solution.trajectory(t)
+        rule = 2e-3 * (engine.settings["integrator"] != "RK4") * np.sin(4 * np.pi * t)
+        solver = 1e-3 * (engine.settings["solver"] != "Newton") * np.sin(8 * np.pi * t)
+        return dataclasses.replace(exact, q=exact.q + (rule + solver)[:, None])
+
+    engine = MujocoEngine(integrator="Euler", solver="CG")
+    causes = Rerun(engine, simulate).causes(Case(simulate(engine, solution.problem), solution, 0.5))
+    explained = {cause.name: cause.explained for cause in causes}
+    assert explained.keys() == {"integrator", "solver tolerance", "integrator, solver tolerance"}
+    # What sin^2 leaves of the sum of 2 and 1: alone 1 and 2 of their root of 5.
+    assert explained["integrator"] == pytest.approx(1 - 1 / math.sqrt(5), abs=0.02)
+    assert explained["integrator, solver tolerance"] == pytest.approx(1.0)
