@@ -63,7 +63,7 @@ class AppliedForces:
 
     def generalized(self, q: FloatArray, u: FloatArray, rates: ComplexArray | None = None) -> FloatArray:
         """Generalized forces of all elements, shape (..., n_q) [N m or N]."""
-        total = np.zeros(np.broadcast_shapes(q.shape, u.shape))
+        total = np.zeros(q.shape if q.shape == u.shape else np.broadcast_shapes(q.shape, u.shape))
         if not self.kinematics.mechanism.force_elements:
             return total
         rates = self.kinematics.rates(q) if rates is None else rates

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable, Iterator
-from typing import ClassVar, Self
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cached_property
+from typing import Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
@@ -99,8 +100,18 @@ class Mechanism(Shown, Spec):
 
     @property
     def tree(self) -> Tree:
-        """Its joints and coordinates; whoever asks for several of them keeps it."""
+        """Its joints and coordinates."""
+        return self._tree
+
+    @cached_property
+    def _tree(self) -> Tree:  # by a name that is no field's: `dict` of a mechanism has its fields alone
         return Tree({body.name: body.angle for body in self.bodies}, self.joints)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """With some fields changed; pydantic's would keep the tree of those before."""
+        copied = super().model_copy(update=update, deep=deep)
+        vars(copied).pop("_tree", None)
+        return copied
 
     @property
     def angles(self) -> tuple[str, ...]:

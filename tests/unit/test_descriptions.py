@@ -228,3 +228,11 @@ def test_a_chain_of_any_length_is_followed_to_its_end(tmp_path: Path) -> None:
     assert mechanism.content_hash == tb.Mechanism.from_json(text).content_hash
     with pytest.raises(tb.InputError, match=r"stop 's' is closed, but its gap at the start is 1 m, not 0"):
         tb.Mechanism.from_json(text.replace(f'"offset": {floor}', f'"offset": {floor - 1}'))
+
+
+def test_a_changed_copy_has_a_tree_of_its_own() -> None:
+    whole = tb.fixed()
+    assert whole.coordinates == ("theta", "phi", "alpha") and whole.tree is whole.tree
+    part = whole.model_copy(update={"bodies": whole.bodies[:1], "joints": whole.joints[:1], "stops": ()})
+    assert part.coordinates == ("theta",) and [joint.name for joint in part.tree_joints] == ["fulcrum"]
+    assert whole == tb.fixed() and dict(whole) == dict(tb.fixed()) and whole.content_hash == tb.fixed().content_hash

@@ -36,7 +36,8 @@ class Reader:
         pose = self.plant.EvalBodyPoseInWorld(context, link)
         motion = self.plant.EvalBodySpatialVelocityInWorld(context, link)
         arm = pose.rotation() @ place
-        return (pose.translation() + arm)[:2], (motion.translational() + np.cross(motion.rotational(), arm))[:2]
+        turning = motion.rotational()[2] * np.array([-arm[1], arm[0]])
+        return (pose.translation() + arm)[:2], motion.translational()[:2] + turning
 
     def _reactions(self, context: Any) -> dict[str, FloatArray]:
         forces = self.plant.get_reaction_forces_output_port().Eval(context)
