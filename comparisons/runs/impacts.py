@@ -23,6 +23,7 @@ FOLLOWED = 4.0
 """Steps of the shortest rebound that an engine must follow."""
 _MOST = 100  # impacts that are aligned, of each of the two: enough to find the first ten pairs
 _DROPPED = 0.5  # of a step: shorter rebounds are left out at once
+_ROUNDING = 1e-9  # of the largest impulse of an impact: error of one that is zero, of a stop that only touches
 _MISSING = 1e9  # cost of an impact that only one has, in those of an unresolved one
 
 Pair = tuple[float | None, float | None]
@@ -30,8 +31,8 @@ Pair = tuple[float | None, float | None]
 
 
 def impact_times(motion: Trajectory | Solution, stop: str) -> list[float]:
-    """Impacts in which a stop pushes [s]."""
-    return [time for time, impulses in motion.impacts if impulses.get(stop, 0.0) > 0]
+    """Impacts in which a stop pushes, by more than the rounding of the largest impulse there [s]."""
+    return [time for time, impulses in motion.impacts if impulses.get(stop, 0.0) > _ROUNDING * max(impulses.values())]
 
 
 def paired(times: Sequence[float], expected: Sequence[float], step: float, until: float = math.inf) -> list[Pair]:

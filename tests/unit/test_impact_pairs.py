@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
-from trebucheck.comparisons.runs.impacts import FOLLOWED, paired
+import trebucheck as tb
+from trebucheck.comparisons.runs.impacts import FOLLOWED, impact_times, paired
 
 STEP = 1e-3
 
@@ -54,3 +57,12 @@ def test_an_impact_after_the_end_of_the_shorter_motion_is_nobodys_counterpart() 
     assert paired([*own, 0.95], longer, STEP, until=1.02)[2] in ((0.95, None), (0.95, 1.24))  # no tolerance is so wide
     assert paired(longer, [*own, 0.9 + 0.9 * FOLLOWED * STEP], STEP, until=1.02) == [(0.5, 0.5), (0.9, 0.9)]
     assert paired([0.5, 0.9999], [0.5, 1.0001], STEP, until=1.0)[1] == (0.9999, 1.0001)
+
+
+def test_rounding_of_the_largest_impulse_is_no_impact() -> None:
+    """A stop that only touches where another one is met has one of zero."""
+    motion = tb.engine("reference").simulate(tb.Problem(tb.fixed(), duration=0.01))
+    impacts = ((1.0, {"met": 5.0, "touched": 4e-13}), (2.0, {"met": 1e-6, "touched": 0.0}))
+    motion = dataclasses.replace(motion, impacts=impacts)
+    assert impact_times(motion, "met") == [1.0, 2.0]
+    assert impact_times(motion, "touched") == []
