@@ -89,8 +89,9 @@ class Built:
             return self.world.CreateWeldJoint(**ends, referenceAngle=turned)
         if joint.holds_angle:
             return self.world.CreatePrismaticJoint(**ends, localAxisA=joint.axis, referenceAngle=turned)
-        # A wheel joint slides along its axis and turns; without a frequency it has no spring.
-        return self.world.CreateWheelJoint(**ends, localAxisA=joint.axis, frequencyHz=0.0, dampingRatio=0.0)
+        # A wheel joint slides along its axis and turns. Without a spring (frequency 0) it multiplies zero by numbers
+        # that it has not set (erincatto/box2d#491), which may be no numbers; the force of this one is below rounding.
+        return self.world.CreateWheelJoint(**ends, localAxisA=joint.axis, frequencyHz=1e-9, dampingRatio=0.0)
 
 
 def turned(angle: float) -> FloatArray:
