@@ -11,7 +11,7 @@ that one has when the other's motion has ended costs nothing.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -32,7 +32,11 @@ Pair = tuple[float | None, float | None]
 
 def impact_times(motion: Trajectory | Solution, stop: str) -> list[float]:
     """Impacts in which a stop pushes, by more than the rounding of the largest impulse there [s]."""
-    return [time for time, impulses in motion.impacts if impulses.get(stop, 0.0) > _ROUNDING * max(impulses.values())]
+
+    def pushes(impulses: Mapping[str, float]) -> bool:
+        return impulses.get(stop, 0.0) > _ROUNDING * max(impulses.values(), default=0.0)
+
+    return [time for time, impulses in motion.impacts if pushes(impulses)]
 
 
 def paired(times: Sequence[float], expected: Sequence[float], step: float, until: float = math.inf) -> list[Pair]:

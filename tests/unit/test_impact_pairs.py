@@ -62,7 +62,7 @@ def test_an_impact_after_the_end_of_the_shorter_motion_is_nobodys_counterpart() 
 def test_rounding_of_the_largest_impulse_is_no_impact() -> None:
     """A stop that only touches where another one is met has one of zero."""
     motion = tb.engine("reference").simulate(tb.Problem(tb.fixed(), duration=0.01))
-    impacts = ((1.0, {"met": 5.0, "touched": 4e-13}), (2.0, {"met": 1e-6, "touched": 0.0}))
+    impacts = ((1.0, {"met": 5.0, "touched": 4e-13}), (2.0, {"met": 1e-6, "touched": 0.0}), (3.0, {}))
     motion = dataclasses.replace(motion, impacts=impacts)
     assert impact_times(motion, "met") == [1.0, 2.0]
     assert impact_times(motion, "touched") == []
