@@ -22,7 +22,11 @@ def conform_command(
     tier: Annotated[str, typer.Option("--tier", help="How many problems: quick, standard or full.")] = "standard",
     problem: Annotated[
         list[str] | None,
-        typer.Option("--problem", autocompletion=completion.machines, help="Only this problem; repeatable."),
+        typer.Option(
+            "--problem",
+            autocompletion=completion.machines,
+            help="Only these problems, comma-separated; repeatable.",
+        ),
     ] = None,
     deviations: Annotated[
         Path | None, typer.Option("--deviations", help="TOML or JSON: known failures, with id, reason and owner.")

@@ -32,7 +32,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "package.module:Class; repeatable. Tests are collected as well only from paths that are named.",
     )  # fmt: skip
     group.addoption(
-        "--trebucheck-problem", action="append", default=[], metavar="NAME", help="only this problem; repeatable"
+        "--trebucheck-problem",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="only these problems, comma-separated; repeatable",
     )
     group.addoption(
         "--trebucheck-tier", choices=("quick", "standard", "full"), default="standard", help="how many problems"

@@ -42,8 +42,8 @@ class Session:
 
         Args:
             engines: as :meth:`.suite.Target.of` reads them.
-            options: 'tier', 'problem' (names; those of the tier where empty), 'timeout' [s], 'deviations' and 'json'
-                (paths, or None).
+            options: 'tier', 'problem' (names, comma-separated; those of the tier where empty), 'timeout' [s],
+                'deviations' and 'json' (paths, or None).
             folder: in which packages of engines that are not installed, and files, are looked for.
             required: engines that fail if they are not installed.
 
@@ -54,7 +54,8 @@ class Session:
             sys.path.append(str(folder))  # behind all that is installed: a file `rich.py` there is not meant for us
         if not options["timeout"] > 0:
             raise InputError(f"timeout = {options['timeout']!r} s must be positive.")
-        names = tuple(dict.fromkeys(options["problem"] or problems_of(options["tier"])))
+        asked = [name.strip() for text in options["problem"] for name in text.split(",")]
+        names = tuple(dict.fromkeys(asked or problems_of(options["tier"])))
         for name in names:
             given(name)
         targets = dict.fromkeys(map(Target.of, engines))

@@ -98,5 +98,7 @@ def parts(supplied: Mapping[str, str]) -> str:
 
 
 def sentence(supplied: Mapping[str, str]) -> str:
-    """What trebucheck supplies, as a sentence."""
-    return f"Trebucheck supplies: {parts(supplied)}." if supplied else "All of a run is the engine's own."
+    """What trebucheck supplies, as a sentence or two."""
+    if not supplied:
+        return "All of a run is the engine's own."
+    return f"Trebucheck supplies: {parts(supplied)}. The rest is the engine's own."

@@ -340,6 +340,8 @@ def test_the_command_line_writes_the_certificate(tmp_path: Path, capsys: pytest.
         (["dummy_engines:Full/fast"], "full has no preset 'fast'; there are: tuned, stock"),
         (["reference", "--tier", "huge"], "tier = 'huge' is unknown; there are: quick, standard, full"),
         (["reference", "--problem", "pendulun"], "did you mean 'pendulum'?"),
+        (["reference", "--problem", "catapult, pendulun"], "did you mean 'pendulum'?"),
+        (["reference", "--problem", "catapult,"], "there is no model ''"),
         (["reference", "--timeout", "0"], "timeout = 0.0 s must be positive"),
         (["reference", "--deviations", "none.toml"], "none.toml cannot be read"),
     ],

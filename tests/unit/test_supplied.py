@@ -42,7 +42,8 @@ def test_impacts_are_of_stops_that_may_be_met() -> None:
 def test_it_is_said_in_a_sentence() -> None:
     assert sentence({}) == "All of a run is the engine's own."
     told = {Part.EVENTS: "", Part.ELEMENTS: "dampers"}
-    assert sentence(told) == "Trebucheck supplies: when stops open and are met; springs, dampers and motors (dampers)."
+    parts = "when stops open and are met; springs, dampers and motors (dampers)"
+    assert sentence(told) == f"Trebucheck supplies: {parts}. The rest is the engine's own."
 
 
 def test_an_engine_that_does_not_say_is_not_taken_to_supply_all() -> None:
