@@ -30,7 +30,7 @@ from ..models.problem import Problem, StopLaw
 from ..models.spec import Positive, Spec
 from ..models.trajectory import PointMotion, Provenance, Trajectory
 from .study import EngineStudy
-from .supplied import NOTHING, Supplied
+from .supplied import Supplied
 
 _MOST_STEPS = 20_000_000
 # Of a run's samples while it is read, sent from its process, compared and written: seven were measured for an engine
@@ -252,9 +252,9 @@ class BuiltinEngine(EngineOptions, ABC):
         return frozenset()
 
     @property
-    def supplied(self) -> Supplied:
-        """What trebucheck does of a run in the engine's place, with these options; nothing by default."""
-        return NOTHING
+    def supplied(self) -> Supplied | None:
+        """What trebucheck does of a run in the engine's place, with these options; None: it is not stated."""
+        return None
 
     @abstractmethod
     def _run(self, problem: Problem) -> Recording:
