@@ -84,7 +84,12 @@ def document(comparison: Comparison) -> Document:
         blocks += [Heading("What differs, and why", 2, "why"), *(page_only(each) for each in differing(results))]
     for machine in results.machines:
         blocks += _evidence(comparison, machine)
-    blocks += [Heading("How the comparison is made", 2), Note(_INTRODUCTION), Note(_EQUIVALENCE), _own(results)]
+    blocks += [
+        Heading("How the comparison is made", 2),
+        Note(_INTRODUCTION),
+        Note(_EQUIVALENCE),
+        page_only(_own(results)),
+    ]
     runs = ((run.model, run.label, run.engine_version, run.settings) for run in results.runs)
     blocks += provenance(results, runs, [(machine.model, machine.mechanism) for machine in results.machines])
     blocks += [doc.terminal_only(listed), Text(verdict(results), medium="terminal")]
